@@ -1,0 +1,48 @@
+# Two commands do all the set-up; each makes and fills .venv itself and is quick the second time.
+#   make demo   track the bundled clip
+#   make test   run the tests
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+# The CPU build of torch by version: a bare "torch" may pull gigabytes of CUDA.
+TORCH ?= torch==2.13.0
+SHARED_DATA ?= ../shared/data
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+
+.PHONY: demo test lint eval train clean
+
+demo: $(VENV)/.tracking
+	$(BIN)/python examples/demo.py
+
+test: $(VENV)/.development
+	$(BIN)/python -m pytest
+
+lint: $(VENV)/.development
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+eval: $(VENV)/.tracking
+	$(BIN)/re3 eval $(SHARED_DATA)/val/davis $(SHARED_DATA)/test/otb --out out/eval \
+	    --tracker re3-lite --tracker kcf --tracker csrt --tracker mosse --tracker first-box
+
+train: $(VENV)/.development
+	nice $(BIN)/re3 train --model re3-lite --data $(SHARED_DATA)/train --out runs/re3-lite
+
+$(VENV)/bin/python:
+	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(0 if v >= (3, 11) else f"re3 needs Python 3.11 or newer, {sys.executable} is {v.major}.{v.minor}; set PYTHON=/path/to/python3.11")'
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.tracking: pyproject.toml | $(VENV)/bin/python
+	@echo "installing what tracking needs into $(VENV) ..."
+	@$(PIP) install --editable .
+	@touch $@
+
+$(VENV)/.development: pyproject.toml | $(VENV)/bin/python
+	@echo "installing what tests and training need into $(VENV) ..."
+	@$(PIP) install '$(TORCH)'
+	@$(PIP) install --editable '.[train,dev]'
+	@touch $@ $(VENV)/.tracking
+
+clean:
+	rm -rf $(VENV) out build dist .pytest_cache .mypy_cache .ruff_cache

@@ -1,0 +1,85 @@
+"""The command line `re3`: one thin app, its commands in modules of their own."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from re3 import __version__
+from re3.apps.evaluate import evaluate
+from re3.apps.export import export
+from re3.apps.simulate import simulate
+from re3.apps.track import track
+from re3.apps.train import train
+from re3.models import list_models
+
+app = typer.Typer(
+    name="re3",
+    help="Track any object in video, in real time, on a CPU.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+)
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"re3 {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", help="Print the version and exit.", callback=_print_version, is_eager=True
+        ),
+    ] = False,
+) -> None:
+    """Track any object in video, in real time, on a CPU.
+
+    Start with: re3 track clip.mp4 --box 120,80,60,140 --out tracked.mp4
+    """
+
+
+def models() -> None:
+    """List the models with size, accuracy and speed.
+
+    Accuracy and speed are what the model's card says was measured; the card names the command,
+    the data and the machine.
+
+    Example:
+
+        re3 models
+    """
+    table = Table()
+    for heading in ("model", "weights", "parameters", "crop", "accuracy", "speed", "what it is"):
+        table.add_column(heading, overflow="fold")
+    for card in list_models():
+        table.add_row(
+            card.name,
+            f"{card.size_bytes / 1e6:.1f} MB" if card.size_bytes else "none shipped",
+            f"{card.parameters / 1e6:.1f} M",
+            f"{card.crop_size} px",
+            ", ".join(f"{name} {value:.3f}" for name, value in card.accuracy.items()) or "-",
+            f"{card.speed_fps:.0f} FPS" if card.speed_fps else "-",
+            card.description,
+        )
+    Console().print(table)
+
+
+app.command()(track)
+app.command()(models)
+app.command(name="eval")(evaluate)
+app.command()(train)
+app.command()(simulate)
+app.command()(export)
+
+
+def main() -> None:
+    """Entry point of the `re3` script."""
+    app()

@@ -1,0 +1,41 @@
+"""`re3 export`: write a network's one-step graph for ONNX Runtime."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+
+def export(
+    weights: Annotated[
+        Path, typer.Argument(help="Weights (.safetensors, or an .onnx file).", metavar="WEIGHTS")
+    ],
+    out: Annotated[Path, typer.Argument(help="The .onnx file to write.", metavar="OUT")],
+    half: Annotated[
+        bool, typer.Option(help="Store weights as fp16: half the size, the same arithmetic.")
+    ] = True,
+) -> None:
+    """Write the one-step graph, with explicit state in and out.
+
+    Example:
+
+        re3 export runs/mine/re3-lite.safetensors mine.onnx
+    """
+    console = Console(stderr=True)
+    try:
+        from re3.network.export import export_onnx
+        from re3.network.weights import load_network
+
+        export_onnx(load_network(weights), out, half_weights=half)
+    except ImportError as error:
+        console.print(
+            f"error: export needs torch and onnx ({error}): pip install 're3[train]'", markup=False
+        )
+        raise typer.Exit(2) from error
+    except (OSError, ValueError) as error:
+        console.print(f"error: {error}", style="red", markup=False, highlight=False)
+        raise typer.Exit(2) from error
+    console.print(f"{out}: {out.stat().st_size / 1e6:.1f} MB", markup=False)

@@ -1,0 +1,426 @@
+"""Synthetic sequences from still pictures (Re3, sec. III-C, "Training from Synthetic Sequences").
+
+A scene is a stack of layers: a background that the camera pans over, look-alikes behind the
+object, the object, occluders before it. Each layer has an affine path; speed, direction, scale
+and aspect ratio wander with Gaussian noise. Crops are rendered directly from the layers, so that
+only pixels that are looked at cost anything.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from re3 import geometry
+from re3.data.stills import Still
+from re3.geometry import Floats
+
+
+@dataclass(frozen=True)
+class SimulationConfig:
+    """What scenes are drawn. Lengths are in units of the object's size unless in pixels.
+
+    Attributes:
+        object_pixels: range of the object's size (root of its area) in pixels of the scene.
+        room: range of the least width and height of the scene.
+        speed: range, log-uniform, of the standard deviation of a clip's speed, per frame.
+        turning: share of that speed by which the velocity changes each frame.
+        scaling, stretching: standard deviation per frame of log scale and log aspect ratio.
+        spinning: standard deviation per frame of the rotation, radians; masked objects only.
+        camera: range, log-uniform, of the camera's speed, per frame.
+        occluders: mean number of occluders for a clip of 8 frames or more; half for shorter ones.
+        twin: probability of a copy of the object moving beside it.
+        other: probability of another object in the scene.
+        foreign: probability of a background from another picture.
+        fill: BGR colour outside the scene.
+    """
+
+    object_pixels: tuple[float, float] = (14.0, 200.0)
+    room: tuple[float, float] = (2.0, 7.0)
+    speed: tuple[float, float] = (0.005, 0.35)
+    turning: float = 0.35
+    scaling: float = 0.03
+    stretching: float = 0.02
+    spinning: float = 0.03
+    camera: tuple[float, float] = (0.003, 0.2)
+    occluders: float = 1.0
+    twin: float = 0.15
+    other: float = 0.25
+    foreign: float = 0.3
+    fill: tuple[float, float, float] = (127.0, 127.0, 127.0)
+
+
+FINEST_PIXELS = 110.0
+"""Layers are kept at no more pixels per object: crops show the object at 64."""
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """A picture on an affine path.
+
+    Attributes:
+        image: uint8 `[h, w, 3]` BGR.
+        alpha: uint8 `[h, w]`, or None for the background, which is reflected at its borders.
+        paths: float64 `[T, 2, 3]`, picture to scene, in pixel-corner coordinates.
+        hull: float64 `[N, 2]`, convex hull of the opaque part in the picture.
+    """
+
+    image: NDArray[np.uint8]
+    alpha: NDArray[np.uint8] | None
+    paths: Floats
+    hull: Floats
+
+    def boxes_xyxy(self) -> Floats:
+        """Box of the opaque part in every frame, `[T, 4]` in scene pixels."""
+        points = np.einsum("tij,nj->tni", self.paths[:, :, :2], self.hull)
+        points += self.paths[:, None, :, 2]
+        return np.concatenate([points.min(axis=1), points.max(axis=1)], axis=1)
+
+
+class Scene:
+    """A simulated clip; see `re3.data.clip.Clip`.
+
+    Args:
+        size: width and height of the scene in pixels.
+        layers: from back to front, the background first.
+        target: index of the object's layer.
+        fill: BGR colour outside the scene.
+    """
+
+    def __init__(
+        self,
+        size: tuple[int, int],
+        layers: list[Layer],
+        target: int,
+        fill: tuple[float, float, float],
+    ) -> None:
+        self.size = size
+        self.layers = layers
+        self.target = target
+        self.fill = fill
+        self.boxes_xyxy = _inside(layers[target].boxes_xyxy(), size)
+        self.visible = np.array([self._visible(t) for t in range(len(self.boxes_xyxy))])
+
+    def crop(self, frame: int, region_xyxy: ArrayLike, size: int) -> NDArray[np.uint8]:
+        return self.render(frame, region_xyxy, size, size)
+
+    def render(
+        self, frame: int, region_xyxy: ArrayLike, width: int, height: int
+    ) -> NDArray[np.uint8]:
+        """A region of a frame as uint8 `[height, width, 3]` BGR."""
+        region = np.asarray(region_xyxy, dtype=np.float64)
+        scene_to_crop = geometry.crop_transform(region, width, height)
+        canvas = self._background(frame, scene_to_crop, width, height)
+        for layer in self.layers[1:]:
+            _blend(canvas, layer, _to_crop(layer.paths[frame], scene_to_crop))
+        self._blank_outside(canvas, region)
+        return canvas
+
+    def _background(
+        self, frame: int, scene_to_crop: Floats, width: int, height: int
+    ) -> NDArray[np.uint8]:
+        layer = self.layers[0]
+        return cv2.warpAffine(
+            layer.image,
+            _to_crop(layer.paths[frame], scene_to_crop),
+            (width, height),
+            flags=cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_REFLECT,
+        )
+
+    def _blank_outside(self, canvas: NDArray[np.uint8], region: Floats) -> None:
+        height, width = canvas.shape[:2]
+        scale = np.array([width, height]) / (region[2:] - region[:2])
+        low = np.round((0 - region[:2]) * scale).astype(int)
+        high = np.round((np.array(self.size) - region[:2]) * scale).astype(int)
+        canvas[: max(low[1], 0)] = self.fill
+        canvas[max(high[1], 0) :] = self.fill
+        canvas[:, : max(low[0], 0)] = self.fill
+        canvas[:, max(high[0], 0) :] = self.fill
+
+    def _visible(self, frame: int) -> float:
+        """Share of the object that no occluder hides, on a grid of 24 x 24 over its box."""
+        if np.isnan(self.boxes_xyxy[frame, 0]):
+            return 0.0
+        side = 24
+        scene_to_grid = geometry.crop_transform(self.boxes_xyxy[frame], side, side)
+        hidden = np.zeros((side, side), dtype=np.uint8)
+        opaque = hidden
+        for index, layer in enumerate(self.layers[self.target :]):
+            assert layer.alpha is not None, "only the background has no alpha"
+            cover = cv2.warpAffine(
+                layer.alpha, _to_crop(layer.paths[frame], scene_to_grid), (side, side)
+            )
+            if index == 0:
+                opaque = cover
+            else:
+                hidden = np.maximum(hidden, cover)
+        total = float((opaque > 127).sum())
+        return float(((opaque > 127) & (hidden <= 127)).sum()) / total if total else 0.0
+
+
+LEAST_INSIDE = 0.15
+"""An object of which less than this share is inside the scene counts as absent."""
+
+
+def _inside(boxes_xyxy: Floats, size: tuple[int, int]) -> Floats:
+    """Boxes cut at the scene's border, as benchmarks annotate them; NaN where too little is left."""
+    inside = np.clip(boxes_xyxy, 0.0, np.array([*size, *size]))
+    share = np.prod(inside[:, 2:] - inside[:, :2], axis=1)
+    share /= np.prod(boxes_xyxy[:, 2:] - boxes_xyxy[:, :2], axis=1)
+    return np.where(share[:, None] < LEAST_INSIDE, np.nan, inside)
+
+
+def _to_crop(path: Floats, scene_to_crop: Floats) -> Floats:
+    """Compose picture -> scene (pixel corners) with scene -> crop (OpenCV's pixel centres)."""
+    # A picture's pixel centre 0 lies at corner coordinate 0.5; the scene's likewise.
+    matrix = path[:, :2]
+    offset = path[:, 2] + matrix @ np.array([0.5, 0.5]) - 0.5
+    return np.column_stack(
+        [
+            scene_to_crop[:, :2] @ matrix,
+            scene_to_crop[:, :2] @ offset + scene_to_crop[:, 2],
+        ]
+    )
+
+
+def _blend(canvas: NDArray[np.uint8], layer: Layer, transform: Floats) -> None:
+    """Draw a layer on the canvas, working on the rectangle it touches only."""
+    assert layer.alpha is not None, "the background is not blended"
+    height, width = layer.alpha.shape
+    corners = np.array([[0, 0], [width, 0], [0, height], [width, height]], dtype=np.float64)
+    points = corners @ transform[:, :2].T + transform[:, 2]
+    low = np.maximum(np.floor(points.min(axis=0)).astype(int) - 1, 0)
+    high = np.minimum(np.ceil(points.max(axis=0)).astype(int) + 1, canvas.shape[1::-1])
+    if (high <= low).any():
+        return
+    local = transform.copy()
+    local[:, 2] -= low
+    size = (int(high[0] - low[0]), int(high[1] - low[1]))
+    image = cv2.warpAffine(layer.image, local, size, borderMode=cv2.BORDER_REPLICATE)
+    alpha = cv2.warpAffine(layer.alpha, local, size)[:, :, None].astype(np.uint16)
+    part = canvas[low[1] : high[1], low[0] : high[0]]
+    part[:] = ((image * alpha + part * (255 - alpha) + 127) // 255).astype(np.uint8)
+
+
+def simulate(
+    stills: list[Still],
+    frames: int,
+    rng: np.random.Generator,
+    config: SimulationConfig | None = None,
+) -> Scene:
+    """Draw a scene of so many frames.
+
+    Args:
+        stills: pictures to choose from.
+        frames: length of the clip, 1 or more.
+        rng: source of all chance.
+        config: what scenes are drawn.
+    """
+    return _SceneBuilder(stills, frames, rng, config or SimulationConfig()).build()
+
+
+class _SceneBuilder:
+    def __init__(
+        self, stills: list[Still], frames: int, rng: np.random.Generator, config: SimulationConfig
+    ) -> None:
+        self.stills, self.frames, self.rng, self.config = stills, frames, rng, config
+
+    def build(self) -> Scene:
+        rng, config = self.rng, self.config
+        picture, patch, alpha, masked = self._pick_object()
+        own_size = float(np.sqrt(patch.shape[0] * patch.shape[1]))
+        self.unit = float(np.exp(rng.uniform(*np.log(config.object_pixels))))  # object, pixels
+        self.resolution = min(1.0, FINEST_PIXELS / self.unit)
+
+        backdrop = self._pick().read() if rng.random() < config.foreign else picture
+        zoom = self.unit / own_size * np.exp(rng.normal(0.0, 0.35))
+        # Objects fill stills more than they fill frames: leave room to move, reflect what lacks.
+        room = rng.uniform(*config.room) * self.unit
+        zoom = max(zoom, 0.8 * room / min(backdrop.shape[:2]))
+        extent = np.array(backdrop.shape[1::-1]) * zoom
+        scene = np.maximum(extent * rng.uniform(0.7, 1.0), room)
+        self.scene = (int(scene[0]), int(scene[1]))
+
+        target = self._layer(
+            patch, alpha, self.unit / own_size, self._wander(self._speed(config.speed)), masked
+        )
+        layers = [self._backdrop_layer(backdrop, zoom, (extent - scene) / 2)]
+        centres = target.boxes_xyxy()
+        centres = (centres[:, :2] + centres[:, 2:]) / 2
+        if rng.random() < config.twin:
+            layers.append(self._companion(patch, alpha, centres, own_size, masked))
+        if rng.random() < config.other:
+            _, other, other_alpha, other_masked = self._pick_object()
+            size = float(np.sqrt(other.shape[0] * other.shape[1]))
+            layers.append(self._companion(other, other_alpha, centres, size, other_masked))
+        layers.append(target)
+        position = len(layers) - 1
+        mean = config.occluders * (1.0 if self.frames > 8 else 0.5)
+        for _ in range(min(int(rng.poisson(mean)), 3)):
+            layers.append(self._occluder(picture, centres))
+        return Scene(self.scene, layers, position, config.fill)
+
+    def _pick(self) -> Still:
+        return self.stills[int(self.rng.integers(len(self.stills)))]
+
+    def _pick_object(
+        self,
+    ) -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8], bool]:
+        """A picture, the patch of one of its objects, its alpha, and whether that is a mask."""
+        still = self._pick()
+        picture = still.read()
+        x, y, w, h = still.boxes_xywh[int(self.rng.integers(len(still.boxes_xywh)))]
+        height, width = picture.shape[:2]
+        left, top = int(np.clip(round(x), 0, width - 4)), int(np.clip(round(y), 0, height - 4))
+        right = int(np.clip(round(x + w), left + 4, width))
+        bottom = int(np.clip(round(y + h), top + 4, height))
+        patch = picture[top:bottom, left:right]
+        mask = still.read_mask()
+        if mask is not None:
+            alpha = mask[top:bottom, left:right]
+            if (alpha > 127).mean() > 0.05:
+                # One pixel less and a soft edge hide the seam of the cut.
+                return picture, patch, cv2.GaussianBlur(alpha, (3, 3), 0), True
+        return picture, patch, np.full(patch.shape[:2], 255, dtype=np.uint8), False
+
+    def _speed(self, limits: tuple[float, float]) -> float:
+        return float(np.exp(self.rng.uniform(*np.log(limits))))
+
+    def _wander(self, speed: float) -> Floats:
+        """Centres `[T, 2]` in scene pixels of a walk that stays inside the scene."""
+        rng, limit = self.rng, np.array(self.scene, dtype=np.float64)
+        step = speed * self.unit
+        # Whole inside at first where there is room, so that the clip starts with the object in it.
+        margin = np.minimum(0.75 * self.unit / limit, 0.45)
+        position = rng.uniform(margin, 1.0 - margin) * limit
+        velocity = rng.normal(0.0, step, 2)
+        centres = np.empty((self.frames, 2))
+        for t in range(self.frames):
+            centres[t] = position
+            velocity = 0.95 * velocity + rng.normal(0.0, self.config.turning * step, 2)
+            position = position + velocity
+            outside = (position < 0) | (position > limit)
+            velocity[outside] *= -1.0
+            position = np.clip(position, 0, limit)
+        return centres
+
+    def _layer(
+        self,
+        patch: NDArray[np.uint8],
+        alpha: NDArray[np.uint8],
+        scale: float,
+        centres: Floats,
+        spins: bool,
+    ) -> Layer:
+        """A cut-out on the path of its centre; scale, aspect ratio and angle wander."""
+        rng, config = self.rng, self.config
+        activity = rng.exponential(1.0)
+        log_scale = np.cumsum(rng.normal(0.0, config.scaling * activity, self.frames))
+        log_aspect = np.cumsum(rng.normal(0.0, config.stretching * activity, self.frames))
+        log_scale, log_aspect = np.clip(log_scale, -1.2, 1.2), np.clip(log_aspect, -0.7, 0.7)
+        angle = np.cumsum(rng.normal(0.0, config.spinning * activity, self.frames)) * spins
+
+        image, alpha = _resized(patch, alpha, scale * self.resolution)
+        size = np.array(image.shape[1::-1], dtype=np.float64)
+        base = scale * np.array(patch.shape[1::-1]) / size  # picture pixels to scene pixels
+        paths = np.empty((self.frames, 2, 3))
+        stretch = np.stack([log_scale + log_aspect / 2, log_scale - log_aspect / 2], axis=1)
+        stretch = np.exp(stretch - stretch[0]) * base  # [T, 2]
+        cos, sin = np.cos(angle), np.sin(angle)
+        paths[:, 0, 0], paths[:, 0, 1] = cos * stretch[:, 0], -sin * stretch[:, 1]
+        paths[:, 1, 0], paths[:, 1, 1] = sin * stretch[:, 0], cos * stretch[:, 1]
+        paths[:, :, 2] = centres - paths[:, :, :2] @ (size / 2)
+        return Layer(image, alpha, paths, _hull(alpha))
+
+    def _backdrop_layer(self, picture: NDArray[np.uint8], zoom: float, margin: Floats) -> Layer:
+        rng = self.rng
+        step = self._speed(self.config.camera) * self.unit
+        velocity = np.cumsum(rng.normal(0.0, 0.3 * step, (self.frames, 2)), axis=0)
+        velocity += rng.normal(0.0, step, 2)
+        offset = -margin + np.cumsum(velocity, axis=0) - velocity[0]
+        image, _ = _resized(picture, None, min(zoom * self.resolution, 1.5))
+        base = zoom * np.array(picture.shape[1::-1]) / np.array(image.shape[1::-1])
+        growth = np.exp(np.cumsum(rng.normal(0.0, 0.004, self.frames)))
+        paths = np.zeros((self.frames, 2, 3))
+        paths[:, 0, 0], paths[:, 1, 1] = base[0] * growth, base[1] * growth
+        paths[:, :, 2] = offset
+        corners = np.array([[0, 0], [1, 0], [0, 1], [1, 1]]) * np.array(image.shape[1::-1])
+        return Layer(image, None, paths, corners.astype(np.float64))
+
+    def _companion(
+        self,
+        patch: NDArray[np.uint8],
+        alpha: NDArray[np.uint8],
+        centres: Floats,
+        own_size: float,
+        spins: bool,
+    ) -> Layer:
+        """Something that moves near the object, behind it."""
+        rng = self.rng
+        angle, distance = rng.uniform(0, 2 * np.pi), rng.uniform(0.8, 2.5) * self.unit
+        beside = centres[0] + distance * np.array([np.cos(angle), np.sin(angle)])
+        drift = np.cumsum(rng.normal(0.0, 0.03 * self.unit, (self.frames, 2)), axis=0)
+        follows = rng.uniform(0.0, 1.0)
+        path = beside + follows * (centres - centres[0]) + drift
+        scale = self.unit * np.exp(rng.normal(0.0, 0.2)) / own_size
+        return self._layer(patch, alpha, scale, path, spins)
+
+    def _occluder(self, picture: NDArray[np.uint8], centres: Floats) -> Layer:
+        """A random patch that passes before the object at some moment of the clip."""
+        rng = self.rng
+        if rng.random() < 0.5:
+            picture, patch, alpha, _ = self._pick_object()
+        else:
+            patch, alpha = self._random_patch(picture)
+        own_size = float(np.sqrt(patch.shape[0] * patch.shape[1]))
+        size = self.unit * rng.uniform(0.4, 1.4)
+        meeting = int(rng.integers(self.frames))
+        aim = centres[meeting] + rng.normal(0.0, 0.35 * self.unit, 2)
+        angle = rng.uniform(0, 2 * np.pi)
+        speed = self._speed((0.02, 0.4)) * self.unit
+        velocity = speed * np.array([np.cos(angle), np.sin(angle)])
+        times = np.arange(self.frames)[:, None] - meeting
+        return self._layer(patch, alpha, size / own_size, aim + times * velocity, False)
+
+    def _random_patch(
+        self, picture: NDArray[np.uint8]
+    ) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+        rng, (height, width) = self.rng, picture.shape[:2]
+        w, h = (max(6, int(side * rng.uniform(0.1, 0.5))) for side in (width, height))
+        left, top = int(rng.integers(width - w + 1)), int(rng.integers(height - h + 1))
+        patch = picture[top : top + h, left : left + w]
+        alpha = np.full((h, w), 255, dtype=np.uint8)
+        if rng.random() < 0.5:
+            alpha[:] = 0
+            cv2.ellipse(alpha, ((w / 2, h / 2), (w, h), 0.0), 255, -1)
+        return patch, alpha
+
+
+def _resized(
+    image: NDArray[np.uint8], alpha: NDArray[np.uint8] | None, scale: float
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """Shrunk by area averaging (never enlarged: the warp does that)."""
+    if scale < 1.0:
+        height, width = image.shape[:2]
+        size = (max(4, round(width * scale)), max(4, round(height * scale)))
+        image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+        if alpha is not None:
+            alpha = cv2.resize(alpha, size, interpolation=cv2.INTER_AREA)
+    if alpha is None:
+        alpha = np.full(image.shape[:2], 255, dtype=np.uint8)
+    return image, alpha
+
+
+def _hull(alpha: NDArray[np.uint8]) -> Floats:
+    """Convex hull `[N, 2]` of the opaque pixels' outer corners."""
+    rows, columns = np.nonzero(alpha > 127)
+    if len(rows) == 0:  # shrunk to nothing: the whole picture stands for it
+        height, width = alpha.shape
+        return np.array([[0, 0], [width, 0], [0, height], [width, height]], dtype=np.float64)
+    points = np.stack([columns, rows], axis=1).astype(np.float32)
+    hull = cv2.convexHull(points)[:, 0].astype(np.float64)
+    return np.concatenate([hull + np.array(offset) for offset in ((0, 0), (1, 0), (0, 1), (1, 1))])

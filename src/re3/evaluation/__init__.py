@@ -1,0 +1,1 @@
+"""How well and how fast trackers follow annotated clips."""

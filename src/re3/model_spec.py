@@ -1,0 +1,85 @@
+"""What a tracker must know of a model to drive it: crops, colours, reset rule and state.
+
+The same description is written into every exported file, so that a file is complete in itself.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+
+from re3.geometry import REGRESSION_SCALE
+
+SPEC_KEY = "re3_spec"
+"""Metadata key under which an exported file carries its `ModelSpec` as JSON."""
+
+
+@dataclass(frozen=True)
+class CropSpec:
+    """How one of the two crops is cut.
+
+    Attributes:
+        context: side of the region in units of the box's side (the paper's padding is 2).
+        size: side of the square crop in pixels.
+    """
+
+    context: float
+    size: int
+
+    def __post_init__(self) -> None:
+        if not self.context >= 1.0:
+            raise ValueError(f"context is {self.context}; expected 1 or more (the paper uses 2)")
+        if self.size < 16:
+            raise ValueError(f"crop size is {self.size}; expected 16 pixels or more")
+
+
+@dataclass(frozen=True)
+class ModelSpec:
+    """Interface of a one-step network.
+
+    Attributes:
+        name: of the variant, such as "re3-lite".
+        previous: crop of the previous frame, centred on the previous box.
+        current: crop of the current frame, centred on the same box.
+        fill: BGR colour of what lies outside the frame.
+        state: name -> shape of one object's recurrent state, without the batch dimension.
+            Every state starts at zero.
+        reset_interval: after so many steps the state returns to the one after the first forward
+            pass (Re3, sec. III-C, "Tracking at test time"); 0 never resets.
+        regression_scale: see `re3.geometry.REGRESSION_SCALE`.
+    """
+
+    name: str
+    previous: CropSpec
+    current: CropSpec
+    fill: tuple[float, float, float]
+    state: dict[str, tuple[int, ...]]
+    reset_interval: int = 32
+    regression_scale: float = REGRESSION_SCALE
+
+    def to_json(self) -> str:
+        return json.dumps(asdict(self))
+
+    @staticmethod
+    def from_json(text: str) -> ModelSpec:
+        """Read what `to_json` wrote.
+
+        Raises:
+            ValueError: the text is not such a description.
+        """
+        try:
+            values = json.loads(text)
+            return ModelSpec(
+                name=values["name"],
+                previous=CropSpec(**values["previous"]),
+                current=CropSpec(**values["current"]),
+                fill=tuple(values["fill"]),
+                state={name: tuple(shape) for name, shape in values["state"].items()},
+                reset_interval=values["reset_interval"],
+                regression_scale=values["regression_scale"],
+            )
+        except (KeyError, TypeError, json.JSONDecodeError) as error:
+            raise ValueError(
+                f"not a re3 model description: {error!r} in {text[:80]!r}; "
+                "export the model again with `re3 export`"
+            ) from error

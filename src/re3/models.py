@@ -1,0 +1,108 @@
+"""The named models: what there is, what ships, and what was measured of it.
+
+A shipped model is a pair of files in `re3/weights`: `<name>.onnx`, and its card `<name>.json`.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+
+WEIGHTS = Path(__file__).parent / "weights"
+DEFAULT_MODEL = "re3-lite"
+
+
+@dataclass(frozen=True)
+class ModelCard:
+    """A named model.
+
+    Attributes:
+        name: as given to `Tracker(model=...)`.
+        description: one line.
+        parameters: number of learnt values.
+        crop_size: side of the current crop in pixels.
+        shipped: whether weights are part of the package.
+        size_bytes: of the weights file; 0 where none ships.
+        accuracy: what was measured, such as {"DAVIS AUC": 0.68}; empty where nothing was.
+        speed_fps: tracked frames a second, one object, or None; on the machine the card names.
+        details: everything else the card says: data, recipe, machine, commands, licence.
+    """
+
+    name: str
+    description: str
+    parameters: int
+    crop_size: int
+    shipped: bool
+    size_bytes: int = 0
+    accuracy: dict[str, float] = field(default_factory=dict)
+    speed_fps: float | None = None
+    details: dict[str, object] = field(default_factory=dict)
+
+
+_CATALOGUE = (
+    ModelCard(
+        name="re3-lite",
+        description="ours, sized for a CPU: spatial readout, EfficientNet-Lite0 trunk",
+        parameters=5_054_599,
+        crop_size=192,
+        shipped=True,
+    ),
+    ModelCard(
+        name="re3",
+        description="the paper's network (CaffeNet trunk, LSTM 1024); bring or train its weights",
+        parameters=190_004_324,
+        crop_size=227,
+        shipped=False,
+    ),
+)
+
+
+def list_models() -> list[ModelCard]:
+    """All named models, with the figures of those that ship."""
+    return [_with_figures(card) for card in _CATALOGUE]
+
+
+def _with_figures(card: ModelCard) -> ModelCard:
+    weights, written = WEIGHTS / f"{card.name}.onnx", WEIGHTS / f"{card.name}.json"
+    if not card.shipped or not weights.is_file():
+        return card
+    details = json.loads(written.read_text(encoding="utf-8")) if written.is_file() else {}
+    return ModelCard(
+        name=card.name,
+        description=card.description,
+        parameters=card.parameters,
+        crop_size=card.crop_size,
+        shipped=True,
+        size_bytes=weights.stat().st_size,
+        accuracy=details.pop("accuracy", {}),
+        speed_fps=details.pop("speed_fps", None),
+        details=details,
+    )
+
+
+def find_weights(model: str | Path) -> Path:
+    """The weights file of a named model, or the path given itself.
+
+    Raises:
+        FileNotFoundError: a path that does not exist.
+        ValueError: an unknown name, or a model whose weights do not ship.
+    """
+    path = Path(model)
+    if path.suffix in (".onnx", ".safetensors"):
+        if not path.is_file():
+            raise FileNotFoundError(f"model file {path} does not exist")
+        return path
+    cards = {card.name: card for card in _CATALOGUE}
+    if str(model) not in cards:
+        raise ValueError(
+            f"unknown model {str(model)!r}; expected one of {', '.join(cards)}, "
+            "or the path of an .onnx or .safetensors file"
+        )
+    weights = WEIGHTS / f"{model}.onnx"
+    if not weights.is_file():
+        raise ValueError(
+            f"model {str(model)!r} comes without weights; give the path of a file with its weights"
+            f", or take {DEFAULT_MODEL!r}"
+        )
+    return weights

@@ -1,0 +1,106 @@
+"""Export of the one-step graph to ONNX, with explicit state in and out."""
+
+from __future__ import annotations
+
+import io
+import os
+import warnings
+from pathlib import Path
+
+import numpy as np
+import onnx
+import torch
+from onnx import TensorProto, helper, numpy_helper
+from torch import Tensor, nn
+
+from re3.model_spec import SPEC_KEY
+from re3.network.variants import Network
+from re3.network.weights import HALF_SUFFIX
+
+HALF_FROM = 256
+"""Weights with fewer elements stay in single precision: they cost nothing."""
+
+
+class _Step(nn.Module):
+    """The network with the state as positional tensors, as ONNX has it."""
+
+    def __init__(self, network: Network) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(
+        self, previous_crops: Tensor, current_crops: Tensor, *state: Tensor
+    ) -> tuple[Tensor, ...]:
+        kind = type(self.network.zero_state(1))
+        corners, score, new_state = self.network(previous_crops, current_crops, kind(*state))
+        return corners, score, *new_state
+
+
+def export_onnx(network: Network, path: str | Path, *, half_weights: bool = True) -> None:
+    """Write the one-step graph.
+
+    Inputs `previous_crops` and `current_crops` are uint8 `[N, S, S, 3]` BGR; each state comes in
+    as `<name>` and goes out as `new_<name>`; outputs `corners` `[N, 4]` and `score` `[N]`.
+
+    Args:
+        network: exported in evaluation mode.
+        path: of the .onnx file; written whole or not at all.
+        half_weights: store weights as fp16, cast to fp32 once when the file is loaded. Arithmetic
+            stays fp32.
+    """
+    spec = network.spec()
+    names = list(spec.state)
+    example_state = network.zero_state(2)
+    crops = [
+        torch.zeros(2, crop.size, crop.size, 3, dtype=torch.uint8)
+        for crop in (spec.previous, spec.current)
+    ]
+    inputs = ["previous_crops", "current_crops", *names]
+    outputs = ["corners", "score", *(f"new_{name}" for name in names)]
+    buffer = io.BytesIO()
+    training = network.training
+    network.eval()
+    with warnings.catch_warnings(), torch.no_grad():
+        warnings.simplefilter("ignore")  # of the tracer, about shapes that are constant here
+        torch.onnx.export(
+            _Step(network),
+            (*crops, *example_state),
+            buffer,
+            input_names=inputs,
+            output_names=outputs,
+            dynamic_axes={name: {0: "objects"} for name in (*inputs, *outputs)},
+            # Weights keep their names, so that `load_network` finds them; the runtime folds and
+            # fuses when it loads.
+            do_constant_folding=False,
+            training=torch.onnx.TrainingMode.PRESERVE,
+            opset_version=17,
+            dynamo=False,
+        )
+    network.train(training)
+    model = onnx.load_from_string(buffer.getvalue())
+    if half_weights:
+        _halve(model)
+    entry = model.metadata_props.add()
+    entry.key, entry.value = SPEC_KEY, spec.to_json()
+    onnx.checker.check_model(model)
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_suffix(f".{os.getpid()}.partial")
+    partial.write_bytes(model.SerializeToString())
+    partial.replace(path)
+
+
+def _halve(model: onnx.ModelProto) -> None:
+    """Store large fp32 weights as fp16 behind a cast, which the runtime folds when loading."""
+    graph = model.graph
+    casts = []
+    for weight in graph.initializer:
+        values = numpy_helper.to_array(weight)
+        if weight.data_type != TensorProto.FLOAT or values.size < HALF_FROM:
+            continue
+        name = weight.name
+        weight.CopyFrom(numpy_helper.from_array(values.astype(np.float16), name + HALF_SUFFIX))
+        casts.append(helper.make_node("Cast", [name + HALF_SUFFIX], [name], to=TensorProto.FLOAT))
+    nodes = casts + list(graph.node)
+    del graph.node[:]
+    graph.node.extend(nodes)

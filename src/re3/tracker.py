@@ -1,0 +1,333 @@
+"""The streaming tracker: one object or many, never looking ahead (Re3, sec. III-C)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from re3 import geometry
+from re3.engine import Engine, State, load_engine, zero_state
+from re3.frames import as_bgr
+from re3.geometry import Floats
+from re3.result import Result, Status
+
+UNCERTAIN_BELOW = 0.5
+LOST_BELOW = 0.25
+
+
+def status_of(score: float) -> Status:
+    """Status of a box by its score; `TRACKED` for a model without score (NaN)."""
+    if score < LOST_BELOW:
+        return Status.LOST
+    return Status.UNCERTAIN if score < UNCERTAIN_BELOW else Status.TRACKED
+
+
+@dataclass
+class _Track:
+    """All that is remembered of one object.
+
+    Attributes:
+        box_xyxy: `[4]`, in the frame last seen.
+        previous_crop: uint8 `[S, S, 3]` about that box in that frame, so that the frame itself
+            need not be kept.
+        state: recurrent state, arrays without the batch dimension.
+        first_state: the state after the first forward pass, to which it is reset.
+        steps: since the last reset.
+        result: of the frame last seen.
+    """
+
+    box_xyxy: Floats
+    previous_crop: NDArray[np.uint8]
+    state: State
+    first_state: State
+    steps: int
+    result: Result
+
+
+class MultiTracker:
+    """Tracks any number of objects through one video, in one batched network call per frame.
+
+    Frames are uint8 `[H, W, 3]` in BGR order (grey `[H, W]` and BGRA work too); their size may
+    change. Boxes are x, y, width, height in pixels, as floats; (0, 0) is the top-left corner of
+    the frame.
+
+    Args:
+        model: name of a shipped model (`re3 models` lists them) or path of an exported file.
+        engine: "auto", "onnx" or "torch", or an engine of your own.
+        threads: of the engine; 0 takes one for each core.
+
+    Raises:
+        ValueError: unknown model or engine.
+    """
+
+    def __init__(
+        self, model: str = "re3-lite", engine: str | Engine = "auto", *, threads: int = 0
+    ) -> None:
+        self._engine = load_engine(model, engine, threads) if isinstance(engine, str) else engine
+        self._tracks: dict[int, _Track] = {}
+        self._next_id = 1
+
+    @property
+    def results(self) -> dict[int, Result]:
+        """The latest result of every object, by id."""
+        return {identity: track.result for identity, track in self._tracks.items()}
+
+    def add(self, frame: NDArray[np.uint8], box_xywh: ArrayLike, name: str | None = None) -> int:
+        """Start to track an object.
+
+        Args:
+            frame: the frame that the box was drawn in; for objects added later on, the frame last
+                given to `update`.
+            box_xywh: x, y, width, height in pixels; may reach outside the frame.
+            name: for people to read.
+
+        Returns:
+            the object's id, the key of its results.
+
+        Raises:
+            ValueError: an unusable frame; a box without area, not finite, or wholly outside.
+        """
+        image = as_bgr(frame)
+        height, width = image.shape[:2]
+        box = geometry.validate_box(box_xywh, width, height)
+        identity = self._next_id
+        self._tracks[identity] = self._start(
+            image,
+            box,
+            Result(
+                box_xywh=_as_tuple(box),
+                score=1.0,
+                status=Status.TRACKED,
+                frame_index=0,
+                object_id=identity,
+                name=name,
+            ),
+        )
+        self._next_id += 1
+        return identity
+
+    def remove(self, object_id: int) -> None:
+        """Stop tracking an object; raises KeyError for an unknown id."""
+        if object_id not in self._tracks:
+            raise KeyError(f"no object {object_id}; tracked are {sorted(self._tracks)}")
+        del self._tracks[object_id]
+
+    def update(self, frame: NDArray[np.uint8]) -> dict[int, Result]:
+        """Find every object in the next frame.
+
+        Returns:
+            id -> result; empty where nothing is tracked.
+
+        Raises:
+            ValueError: an unusable frame; the state stays as it was.
+        """
+        image = as_bgr(frame)
+        if not self._tracks:
+            return {}
+        tracks = list(self._tracks.values())
+        spec = self._engine.spec
+        boxes = np.stack([track.box_xyxy for track in tracks])
+        regions = geometry.search_region(boxes, spec.current.context)
+        output = self._engine.step(
+            np.stack([track.previous_crop for track in tracks]),
+            np.stack([geometry.crop(image, r, spec.current.size, spec.fill) for r in regions]),
+            {name: np.stack([track.state[name] for track in tracks]) for name in spec.state},
+        )
+        height, width = image.shape[:2]
+        found = geometry.decode(output.corners, regions)
+        # A network gone astray must not poison the crops to come: keep the box it had.
+        found = np.where(np.isfinite(found).all(axis=1, keepdims=True), found, boxes)
+        found = geometry.clip_inside(found, width, height)
+        for index, track in enumerate(tracks):
+            self._advance(
+                track,
+                image,
+                found[index],
+                float(output.score[index]),
+                {name: values[index] for name, values in output.state.items()},
+            )
+        return self.results
+
+    def save_state(self) -> dict[str, NDArray]:
+        """Everything remembered, as plain arrays (for `numpy.savez`, say)."""
+        saved: dict[str, NDArray] = {
+            "model": np.array(self._engine.spec.name),
+            "next_id": np.array(self._next_id),
+            "ids": np.array(list(self._tracks), dtype=np.int64),
+        }
+        for identity, track in self._tracks.items():
+            result, prefix = track.result, f"{identity}/"
+            saved[prefix + "box_xyxy"] = track.box_xyxy.copy()
+            saved[prefix + "previous_crop"] = track.previous_crop.copy()
+            saved[prefix + "steps"] = np.array(track.steps)
+            saved[prefix + "result"] = np.array(
+                [*result.box_xywh, result.score, result.frame_index], dtype=np.float64
+            )
+            saved[prefix + "status"] = np.array(result.status.value)
+            if result.name is not None:
+                saved[prefix + "name"] = np.array(result.name)
+            for name, values in track.state.items():
+                saved[f"{prefix}state/{name}"] = values.copy()
+                saved[f"{prefix}first_state/{name}"] = track.first_state[name].copy()
+        return saved
+
+    def load_state(self, saved: Mapping[str, NDArray]) -> None:
+        """Go on exactly where `save_state` was called, in this or another tracker.
+
+        Raises:
+            ValueError: saved with another model, or not such a state; nothing is changed.
+        """
+        spec = self._engine.spec
+        try:
+            model = str(saved["model"])
+            if model != spec.name:
+                raise ValueError(
+                    f"the state was saved with model {model!r}, this tracker runs {spec.name!r}; "
+                    "load it into a tracker of the same model"
+                )
+            tracks = {int(i): self._restore(saved, int(i)) for i in saved["ids"]}
+            next_id = int(saved["next_id"])
+        except KeyError as error:
+            raise ValueError(
+                f"the saved state lacks {error}; expected what save_state() returned"
+            ) from error
+        self._tracks, self._next_id = tracks, next_id
+
+    def _restore(self, saved: Mapping[str, NDArray], identity: int) -> _Track:
+        prefix, spec = f"{identity}/", self._engine.spec
+        states: list[State] = []
+        for kind in ("state", "first_state"):
+            state = {n: np.array(saved[f"{prefix}{kind}/{n}"], np.float32) for n in spec.state}
+            for name, shape in spec.state.items():
+                if state[name].shape != shape:
+                    raise ValueError(
+                        f"saved {kind}/{name} of object {identity} has shape "
+                        f"{state[name].shape}; model {spec.name!r} expects {shape}"
+                    )
+            states.append(state)
+        x, y, w, h, score, index = (float(v) for v in saved[prefix + "result"])
+        return _Track(
+            box_xyxy=np.array(saved[prefix + "box_xyxy"], np.float64),
+            previous_crop=np.array(saved[prefix + "previous_crop"], np.uint8),
+            state=states[0],
+            first_state=states[1],
+            steps=int(saved[prefix + "steps"]),
+            result=Result(
+                box_xywh=(x, y, w, h),
+                score=score,
+                status=Status(str(saved[prefix + "status"])),
+                frame_index=int(index),
+                object_id=identity,
+                name=str(saved[prefix + "name"]) if prefix + "name" in saved else None,
+            ),
+        )
+
+    def _start(self, image: NDArray[np.uint8], box_xywh: Floats, result: Result) -> _Track:
+        """The first forward pass: both crops at the given box in the same frame."""
+        spec = self._engine.spec
+        box = geometry.convert(box_xywh, "xywh", "xyxy")
+        previous = self._crop_previous(image, box)
+        region = geometry.search_region(box, spec.current.context)
+        current = geometry.crop(image, region, spec.current.size, spec.fill)
+        # The box it finds is discarded in favour of the one given.
+        output = self._engine.step(previous[None], current[None], zero_state(spec, 1))
+        state = {name: values[0] for name, values in output.state.items()}
+        return _Track(box, previous, state, state, 0, result)
+
+    def _advance(
+        self,
+        track: _Track,
+        image: NDArray[np.uint8],
+        box_xyxy: Floats,
+        score: float,
+        state: State,
+    ) -> None:
+        interval = self._engine.spec.reset_interval
+        track.steps += 1
+        track.state = state
+        if interval and track.steps >= interval:
+            track.state, track.steps = track.first_state, 0
+        track.box_xyxy = box_xyxy
+        track.previous_crop = self._crop_previous(image, box_xyxy)
+        track.result = Result(
+            box_xywh=_as_tuple(geometry.convert(box_xyxy, "xyxy", "xywh")),
+            score=score,
+            status=status_of(score),
+            frame_index=track.result.frame_index + 1,
+            object_id=track.result.object_id,
+            name=track.result.name,
+        )
+
+    def _crop_previous(self, image: NDArray[np.uint8], box_xyxy: Floats) -> NDArray[np.uint8]:
+        spec = self._engine.spec
+        region = geometry.search_region(box_xyxy, spec.previous.context)
+        return geometry.crop(image, region, spec.previous.size, spec.fill)
+
+
+class Tracker:
+    """Tracks one object; see `MultiTracker` for frames, boxes and arguments.
+
+    >>> tracker = Tracker()
+    >>> tracker.init(frame, (x, y, w, h))
+    >>> result = tracker.update(next_frame)
+    >>> result.box_xywh, result.score, result.status
+    """
+
+    def __init__(
+        self, model: str = "re3-lite", engine: str | Engine = "auto", *, threads: int = 0
+    ) -> None:
+        self._multi = MultiTracker(model, engine, threads=threads)
+
+    def init(self, frame: NDArray[np.uint8], box_xywh: ArrayLike) -> Result:
+        """Start to track the object in the box, forgetting any earlier one.
+
+        Args:
+            frame: uint8 `[H, W, 3]` BGR.
+            box_xywh: x, y, width, height in pixels; may reach outside the frame.
+
+        Returns:
+            the first result: the box given, with score 1 and frame index 0.
+
+        Raises:
+            ValueError: an unusable frame or box; an object tracked before stays.
+        """
+        identity = self._multi.add(frame, box_xywh)
+        for other in set(self._multi.results) - {identity}:
+            self._multi.remove(other)
+        return self._only()
+
+    def update(self, frame: NDArray[np.uint8]) -> Result:
+        """Find the object in the next frame.
+
+        Raises:
+            RuntimeError: called before `init`.
+            ValueError: an unusable frame; the state stays as it was.
+        """
+        if not self._multi.results:
+            raise RuntimeError("update() before init(); give the first frame and its box to init()")
+        self._multi.update(frame)
+        return self._only()
+
+    def save_state(self) -> dict[str, NDArray]:
+        """Everything remembered, as plain arrays."""
+        return self._multi.save_state()
+
+    def load_state(self, saved: Mapping[str, NDArray]) -> None:
+        """Go on exactly where `save_state` was called; raises ValueError if it does not fit."""
+        if len(saved.get("ids", ())) > 1:
+            raise ValueError(
+                f"the state holds {len(saved['ids'])} objects; load it into a MultiTracker"
+            )
+        self._multi.load_state(saved)
+
+    def _only(self) -> Result:
+        (result,) = self._multi.results.values()
+        return result
+
+
+def _as_tuple(box: Floats) -> tuple[float, float, float, float]:
+    x, y, w, h = (float(value) for value in box)
+    return x, y, w, h

@@ -1,0 +1,100 @@
+"""The training loss: L1 on the corners (Re3, sec. III-B) and terms that help it along."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from re3.geometry import REGRESSION_SCALE
+from re3.network.re3_lite import LiteOutput
+from re3.training.recipe import LossWeights
+
+
+@dataclass(frozen=True)
+class Losses:
+    """The loss and what it is made of; all scalars, the parts unweighted and detached."""
+
+    total: Tensor
+    parts: dict[str, float]
+    overlap: Tensor  # [N], IoU of prediction and truth, detached
+
+
+def overlaps(predicted: Tensor, truth: Tensor) -> tuple[Tensor, Tensor]:
+    """IoU and generalised IoU of boxes_xyxy `[N, 4]` (Rezatofighi et al., 2019)."""
+    low = torch.maximum(predicted[:, :2], truth[:, :2])
+    high = torch.minimum(predicted[:, 2:], truth[:, 2:])
+    intersection = (high - low).clamp(min=0).prod(dim=1)
+    area = (predicted[:, 2:] - predicted[:, :2]).clamp(min=0).prod(dim=1)
+    true_area = (truth[:, 2:] - truth[:, :2]).clamp(min=0).prod(dim=1)
+    union = area + true_area - intersection
+    iou = intersection / union.clamp(min=1e-6)
+    hull = (
+        (
+            torch.maximum(predicted[:, 2:], truth[:, 2:])
+            - torch.minimum(predicted[:, :2], truth[:, :2])
+        )
+        .clamp(min=0)
+        .prod(dim=1)
+    )
+    return iou, iou - (hull - union) / hull.clamp(min=1e-6)
+
+
+def corner_cells(targets: Tensor, grid: int) -> tuple[Tensor, Tensor]:
+    """Distribution over the grid whose mean is the true corner, bilinear over four cells.
+
+    Args:
+        targets: `[N, 4]` in regression units.
+        grid: cells a side.
+
+    Returns:
+        `[N, 2, grid, grid]` for the top-left and the bottom-right corner, and `[N, 2]`, 1 where
+        the corner is inside the grid.
+    """
+    points = targets.reshape(-1, 2, 2) / REGRESSION_SCALE * grid - 0.5  # [N, corner, x and y]
+    inside = ((points > -0.5) & (points < grid - 0.5)).all(dim=2).float()
+    cells = torch.arange(grid, dtype=targets.dtype, device=targets.device)
+    near = (1 - (points.clamp(0, grid - 1)[..., None] - cells).abs()).clamp(min=0)  # [N, 2, 2, G]
+    return near[:, :, 1, :, None] * near[:, :, 0, None, :], inside
+
+
+def tracking_loss(
+    output: LiteOutput, targets: Tensor, has_box: Tensor, hidden: Tensor, weights: LossWeights
+) -> Losses:
+    """Loss of N steps.
+
+    Args:
+        output: of the head.
+        targets: `[N, 4]` true corners in regression units.
+        has_box: `[N]`, 1 where there is a true box inside the crop.
+        hidden: `[N]`, 1 where the object is all but hidden.
+        weights: of the terms.
+    """
+    weight = has_box * (1 - hidden * (1 - weights.hidden))
+    total = weight.sum().clamp(min=1.0)
+    corners = ((output.corners - targets).abs().mean(dim=1) * weight).sum() / total
+    iou, giou = overlaps(output.corners, targets)
+    overlap = ((1 - giou) * weight).sum() / total
+    cells, inside = corner_cells(targets, output.heat_logits.shape[-1])
+    log_heat = F.log_softmax(output.heat_logits.flatten(2), dim=2)
+    entropy = -(cells.flatten(2) * log_heat).sum(dim=2)  # [N, 2]
+    heat = (entropy * inside * weight[:, None]).sum() / (inside * weight[:, None]).sum().clamp(
+        min=1
+    )
+    reached = (iou * has_box).detach()
+    score = F.binary_cross_entropy_with_logits(output.score_logit, reached)
+    return Losses(
+        total=weights.corners * corners
+        + weights.overlap * overlap
+        + weights.heat * heat
+        + weights.score * score,
+        parts={
+            "corners": corners.item(),
+            "overlap": overlap.item(),
+            "heat": heat.item(),
+            "score": score.item(),
+        },
+        overlap=reached,
+    )

@@ -1,0 +1,179 @@
+"""Roll-outs: tracks walked without gradients, so that one batched pass can learn from them.
+
+Which crops a step sees depends on what the network said at the step before (Re3, sec. III-B,
+"Learning to Fix Mistakes"). With the trunk frozen, the crops' features are all that the pass with
+gradients needs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence as Several
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from re3 import geometry
+from re3.data.clip import Clip
+from re3.geometry import Floats
+from re3.model_spec import CropSpec
+from re3.network.re3_lite import Features, LiteHead
+from re3.training.features import FrozenTrunk
+from re3.training.recipe import CropNoise
+
+HIDDEN = 0.2
+"""An object of which less than this share is visible counts as hidden."""
+
+REACH = 0.9
+"""A prediction is put back on the truth once the true centre is this near the crop's border."""
+
+SWELL = 4.0
+"""... or once its area is off by this factor."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rollout:
+    """All steps of a batch of tracks, step-major `[steps * N, ...]`.
+
+    Attributes:
+        previous, current: trunk maps of the crops.
+        targets: `[steps * N, 4]` true corners in regression units; 0 where there are none.
+        has_box: `[steps * N]`, 1 where the object is present and inside the current crop.
+        hidden: `[steps * N]`, 1 where it is all but hidden.
+        steps: number of steps, the initialisation frame included.
+        put_back: share of own predictions that had to be put back on the truth.
+    """
+
+    previous: Features
+    current: Features
+    targets: Tensor
+    has_box: Tensor
+    hidden: Tensor
+    steps: int
+    put_back: float
+
+
+def roll_out(
+    clips: Several[Clip],
+    own: NDArray[np.bool_],
+    head: LiteHead,
+    trunks: tuple[FrozenTrunk, FrozenTrunk],
+    noise: CropNoise,
+    rng: np.random.Generator,
+    pool: Executor,
+) -> Rollout:
+    """Walk the clips from their first frame to their last.
+
+    Args:
+        clips: N clips of equal length; the object is present in the first frame.
+        own: `[N]`, True where crops are cut at the network's own predictions.
+        head: decides where it looks next.
+        trunks: for the previous and for the current crop.
+        noise: disturbance of the crops.
+        rng: source of the noise.
+        pool: cuts crops in parallel.
+    """
+    config = head.config
+    truth = np.stack([clip.boxes_xyxy for clip in clips])  # [N, T, 4]
+    visible = np.stack([clip.visible for clip in clips])  # [N, T]
+    objects, steps = truth.shape[:2]
+    boxes = truth[:, 0].copy()
+    state = head.zero_state(objects)
+    previous_maps: list[Features] = []
+    current_maps: list[Features] = []
+    targets, has_box, put_back = [], [], 0
+    for t in range(steps):
+        looked, current_regions = _regions(
+            boxes, own, t, noise, rng, config.previous, config.current
+        )
+        previous_crops = _crops(clips, max(t - 1, 0), looked, config.previous.size, pool)
+        current_crops = _crops(clips, t, current_regions, config.current.size, pool)
+        previous_maps.append(trunks[0](previous_crops))
+        current_maps.append(trunks[1](current_crops))
+
+        target = geometry.encode(truth[:, t], current_regions)
+        centre = (target[:, :2] + target[:, 2:]) / 2 / geometry.REGRESSION_SCALE
+        with np.errstate(invalid="ignore"):
+            inside = (np.abs(centre - 0.5) < 0.5).all(axis=1)  # False for NaN
+        targets.append(np.where(inside[:, None], target, 0.0))
+        has_box.append(inside)
+
+        present = ~np.isnan(truth[:, t, 0])
+        boxes = np.where(present[:, None], truth[:, t], boxes)
+        if own.any() and t < steps - 1:
+            with torch.no_grad():
+                output, state = head(previous_maps[-1], current_maps[-1], state)
+            if t == 0:
+                continue  # the box given is the first result
+            predicted = geometry.decode(output.corners.numpy(), current_regions)
+            usable = own & _usable(predicted, truth[:, t], centre)
+            put_back += int((own & ~usable).sum())
+            boxes = np.where(usable[:, None], predicted, boxes)
+    return Rollout(
+        previous=_stack(previous_maps),
+        current=_stack(current_maps),
+        targets=torch.from_numpy(np.concatenate(targets)).float(),
+        has_box=torch.from_numpy(np.concatenate(has_box)).float(),
+        hidden=torch.from_numpy((visible.T.reshape(-1) < HIDDEN).astype(np.float32)),
+        steps=steps,
+        put_back=put_back / max(1, int(own.sum()) * (steps - 2)),
+    )
+
+
+def _regions(
+    boxes: Floats,
+    own: NDArray[np.bool_],
+    t: int,
+    noise: CropNoise,
+    rng: np.random.Generator,
+    previous: CropSpec,
+    current: CropSpec,
+) -> tuple[Floats, Floats]:
+    """Regions `[N, 4]` of the previous and of the current crop, disturbed."""
+    n = len(boxes)
+    at = geometry.convert(boxes, "xyxy", "cxcywh")
+    at[:, 2:] = np.maximum(at[:, 2:], geometry.SMALLEST_SIDE)
+    strength = np.where(own, 0.0, 1.0) if t > 0 else np.full(n, 0.3)
+    shift = np.clip(rng.laplace(0, noise.drift, (n, 2)), -0.3, 0.3) * strength[:, None]
+    growth = np.clip(rng.laplace(0, noise.drift_scale, (n, 2)), -0.25, 0.25) * strength[:, None]
+    at[:, :2] += shift * at[:, 2:]
+    at[:, 2:] *= np.exp(growth)
+    looked = geometry.convert(at, "cxcywh", "xyxy")
+    if t > 0:
+        jumps = (rng.random(n) < np.where(own, noise.jumps_own, noise.jumps))[:, None]
+        jump = np.clip(rng.laplace(0, noise.jump, (n, 2)), -noise.jump_limit, noise.jump_limit)
+        blind = (rng.random(n) < np.where(own, 0.0, noise.blind))[:, None]
+        angle = rng.uniform(0, 2 * np.pi, n)
+        away = 2.2 * current.context * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        at[:, :2] += np.where(blind, away, jump * jumps) * at[:, 2:]
+        at[:, 2:] *= np.exp(np.clip(rng.laplace(0, noise.jump_scale, (n, 2)), -0.3, 0.3) * jumps)
+    return (
+        geometry.search_region(looked, previous.context),
+        geometry.search_region(geometry.convert(at, "cxcywh", "xyxy"), current.context),
+    )
+
+
+def _crops(
+    clips: Several[Clip], frame: int, regions: Floats, size: int, pool: Executor
+) -> NDArray[np.uint8]:
+    return np.stack(list(pool.map(lambda c, r: c.crop(frame, r, size), clips, regions)))
+
+
+def _usable(predicted: Floats, truth: Floats, centre: Floats) -> NDArray[np.bool_]:
+    """Whether tracking can go on from a prediction; where the truth is unknown, it can."""
+    size = predicted[:, 2:] - predicted[:, :2]
+    sane = (size > geometry.SMALLEST_SIDE).all(axis=1)
+    area = np.prod(np.maximum(size, geometry.SMALLEST_SIDE), axis=1)
+    true_area = np.prod(truth[:, 2:] - truth[:, :2], axis=1)
+    with np.errstate(invalid="ignore"):
+        near = (np.abs(centre - 0.5) < REACH / 2).all(axis=1)
+        alike = np.abs(np.log(area / true_area)) < np.log(SWELL)
+    return sane & ((near & alike) | np.isnan(true_area))
+
+
+def _stack(maps: list[Features]) -> Features:
+    at4, at8, at16 = (torch.cat(parts) for parts in zip(*maps, strict=True))
+    return at4, at8, at16

@@ -1,0 +1,17 @@
+"""Frames in and out: video files, folders of images, cameras, streams; annotated video, results."""
+
+from re3.video.draw import draw_results
+from re3.video.results import ResultsWriter, open_results
+from re3.video.sources import Frame, SourceError, VideoSource, open_source
+from re3.video.writer import VideoWriter
+
+__all__ = [
+    "Frame",
+    "ResultsWriter",
+    "SourceError",
+    "VideoSource",
+    "VideoWriter",
+    "draw_results",
+    "open_results",
+    "open_source",
+]

@@ -1,0 +1,156 @@
+"""Every variant: shapes, sizes, batching, unrolling, and weights in and out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from re3.model_spec import ModelSpec
+from re3.network.re3 import Re3Config
+from re3.network.re3_lite import LiteConfig
+from re3.network.variants import VARIANTS, build
+from re3.network.weights import load_network, save_weights
+
+SMALL = [
+    Re3Config(fully_connected=24, lstm_units=16),
+    LiteConfig(fully_connected=24, lstm_units=16, fused=16, embedding=16, correlation=8),
+]
+
+
+def random_inputs(network, objects, steps=1, seed=0):
+    spec, rng = network.spec(), np.random.default_rng(seed)
+    return [
+        tuple(
+            torch.from_numpy(rng.integers(0, 256, (objects, c.size, c.size, 3), dtype=np.uint8))
+            for c in (spec.previous, spec.current)
+        )
+        for _ in range(steps)
+    ]
+
+
+@pytest.fixture(params=SMALL, ids=lambda config: config.name)
+def network(request):
+    torch.manual_seed(0)
+    network = build(request.param).eval()
+    # Readouts start silent; give them a voice, so that comparisons can fail.
+    with torch.no_grad():
+        for parameter in network.parameters():
+            if parameter.ndim > 1 and not parameter.any():
+                parameter.normal_(std=0.3)
+    return network
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters"),
+    [
+        ("re3", 190_004_324),  # as the authors' large network
+        ("re3-lite", 5_054_599),
+    ],
+)
+def test_parameter_count(name, parameters):
+    with torch.device("meta"):
+        network = build(name)
+    assert sum(p.numel() for p in network.parameters()) == parameters
+
+
+@pytest.mark.parametrize("config", VARIANTS.values(), ids=lambda config: config.name)
+def test_spec_survives_json(config):
+    assert ModelSpec.from_json(config.spec().to_json()) == config.spec()
+
+
+def test_step_shapes(network):
+    (crops,) = random_inputs(network, objects=3)
+    with torch.no_grad():
+        corners, score, state = network(*crops, network.zero_state(3))
+    assert corners.shape == (3, 4)
+    assert score.shape == (3,)
+    shapes = {name: tuple(value.shape[1:]) for name, value in state._asdict().items()}
+    assert shapes == network.spec().state
+
+
+def test_a_batch_equals_single_steps(network):
+    steps = random_inputs(network, objects=3, steps=3)
+    state = network.zero_state(3)
+    singles = [network.zero_state(1) for _ in range(3)]
+    with torch.no_grad():
+        for previous, current in steps:
+            corners, score, state = network(previous, current, state)
+            for i in range(3):
+                one, one_score, singles[i] = network(
+                    previous[i : i + 1], current[i : i + 1], singles[i]
+                )
+                np.testing.assert_allclose(one[0], corners[i], atol=1e-4)
+                np.testing.assert_allclose(one_score[0], score[i], atol=1e-4)
+
+
+def test_the_state_matters(network):
+    first, second = random_inputs(network, objects=1, steps=2)
+    with torch.no_grad():
+        _, _, state = network(*first, network.zero_state(1))
+        with_state, _, _ = network(*second, state)
+        without, _, _ = network(*second, network.zero_state(1))
+    assert (with_state - without).abs().max() > 1e-4
+
+
+def test_unrolled_equals_step_by_step():
+    torch.manual_seed(0)
+    network = build(SMALL[1]).eval()
+    torch.nn.init.normal_(network.head.modulate.weight, std=0.1)
+    steps, objects = 4, 2
+    inputs = random_inputs(network, objects, steps)
+    with torch.no_grad():
+        features = [(network.features(p), network.features(c)) for p, c in inputs]
+        stacked = [
+            tuple(torch.cat([step[which][tap] for step in features]) for tap in range(3))
+            for which in range(2)
+        ]
+        unrolled = network.head.unroll(*stacked, steps=steps)
+        state = network.zero_state(objects)
+        for t, (previous, current) in enumerate(features):
+            output, state = network.head(previous, current, state)
+            rows = slice(t * objects, (t + 1) * objects)
+            np.testing.assert_allclose(output.corners, unrolled.corners[rows], atol=1e-4)
+            np.testing.assert_allclose(output.score_logit, unrolled.score_logit[rows], atol=1e-4)
+
+
+def test_weights_survive_safetensors_bit_exactly(tmp_path):
+    network = build("re3-lite")
+    save_weights(network, tmp_path / "w.safetensors")
+    loaded = load_network(tmp_path / "w.safetensors")
+    assert loaded.config == network.config
+    for (name, a), (_, b) in zip(
+        network.state_dict().items(), loaded.state_dict().items(), strict=True
+    ):
+        assert torch.equal(a, b), name
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "cannot be read"),  # empty
+        (b"not safetensors at all", "cannot be read"),
+    ],
+)
+def test_a_broken_weights_file_is_named(tmp_path, content, message):
+    path = tmp_path / "broken.safetensors"
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match=rf"broken\.safetensors.*{message}"):
+        load_network(path)
+
+
+def test_weights_of_another_size_are_refused(tmp_path):
+    network = build(replace(LiteConfig(), lstm_units=16))
+    save_weights(network, tmp_path / "w.safetensors")
+    with pytest.raises(ValueError, match="do not fit 're3-lite'.*of another shape"):
+        load_network(tmp_path / "w.safetensors")
+
+
+def test_an_unknown_variant_is_refused():
+    with pytest.raises(ValueError, match="unknown variant 're4'; expected one of re3, re3-lite"):
+        build("re4")
+
+
+def test_crops_at_different_scales_are_refused():
+    with pytest.raises(ValueError, match="64 pixels in the previous crop and 48"):
+        LiteConfig(current=replace(LiteConfig().current, context=4.0))
