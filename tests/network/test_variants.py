@@ -142,7 +142,7 @@ def test_a_broken_weights_file_is_named(tmp_path, content, message):
 def test_weights_of_another_size_are_refused(tmp_path):
     network = build(replace(LiteConfig(), lstm_units=16))
     save_weights(network, tmp_path / "w.safetensors")
-    with pytest.raises(ValueError, match="do not fit 're3-lite'.*of another shape"):
+    with pytest.raises(ValueError, match=r"do not fit 're3-lite'.*of another shape"):
         load_network(tmp_path / "w.safetensors")
 
 

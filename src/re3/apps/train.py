@@ -102,10 +102,7 @@ def train(
     console = Console(stderr=True)
     try:
         torch.manual_seed(seed)
-        if init is not None:
-            network = load_network(init)
-        else:
-            network = build(model)
+        network = build(model) if init is None else load_network(init)
         if not isinstance(network, Re3Lite):
             raise ValueError(
                 f"model {network.config.name!r} cannot be trained yet; expected re3-lite"

@@ -80,7 +80,8 @@ class AugmentedClip:
             image = np.clip(image + grain[:, :, None], 0, 255).astype(np.uint8)
         if self._quality:
             _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, self._quality])
-            image = cv2.imdecode(data, cv2.IMREAD_COLOR)
+            compressed: NDArray[np.uint8] = cv2.imdecode(data, cv2.IMREAD_COLOR)
+            return compressed
         return image
 
 

@@ -167,7 +167,7 @@ LEAST_INSIDE = 0.15
 
 
 def _inside(boxes_xyxy: Floats, size: tuple[int, int]) -> Floats:
-    """Boxes cut at the scene's border, as benchmarks annotate them; NaN where too little is left."""
+    """Boxes cut at the border, as benchmarks annotate them; NaN where too little is left."""
     inside = np.clip(boxes_xyxy, 0.0, np.array([*size, *size]))
     share = np.prod(inside[:, 2:] - inside[:, :2], axis=1)
     share /= np.prod(boxes_xyxy[:, 2:] - boxes_xyxy[:, :2], axis=1)

@@ -42,6 +42,7 @@ class CaffeNet(nn.Module):
         self.prelu_skip = nn.ModuleList([nn.PReLU(channels) for channels in SKIP_CHANNELS])
         self.pool = nn.MaxPool2d(3, stride=2)
         self.norm = nn.LocalResponseNorm(5, alpha=1e-4, beta=0.75, k=1.0)
+        self.mean: Tensor
         mean = torch.tensor(PIXEL_MEAN_RGB)[:, None, None]
         self.register_buffer("mean", mean, persistent=False)
 

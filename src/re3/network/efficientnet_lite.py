@@ -146,10 +146,10 @@ def load_imagenet_weights(trunk: EfficientNetLite0, weights: Mapping[str, Tensor
         ("_conv_stem", trunk.stem[0]),
         ("_bn0", trunk.stem[1]),
     ]
-    blocks = [block for stage in trunk.stages for block in stage]  # type: ignore[union-attr]
+    blocks = [block for block in trunk.modules() if isinstance(block, InvertedResidual)]
     for index, block in enumerate(blocks):
         prefix = f"_blocks.{index}."
-        if not isinstance(block.expand, nn.Identity):
+        if isinstance(block.expand, nn.Sequential):
             layers += [
                 (prefix + "_expand_conv", block.expand[0]),
                 (prefix + "_bn0", block.expand[1]),

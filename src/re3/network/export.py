@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 import warnings
 from pathlib import Path
@@ -48,24 +47,41 @@ def export_onnx(network: Network, path: str | Path, *, half_weights: bool = True
         half_weights: store weights as fp16, cast to fp32 once when the file is loaded. Arithmetic
             stays fp32.
     """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_suffix(f".{os.getpid()}.partial")
+    try:
+        _trace(network, partial)
+        model = onnx.load(str(partial))
+        if half_weights:
+            _halve(model)
+        entry = model.metadata_props.add()
+        entry.key, entry.value = SPEC_KEY, network.spec().to_json()
+        onnx.checker.check_model(model)
+        partial.write_bytes(model.SerializeToString())
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def _trace(network: Network, path: Path) -> None:
+    """Write the plain graph, weights under their own names."""
     spec = network.spec()
     names = list(spec.state)
-    example_state = network.zero_state(2)
     crops = [
         torch.zeros(2, crop.size, crop.size, 3, dtype=torch.uint8)
         for crop in (spec.previous, spec.current)
     ]
     inputs = ["previous_crops", "current_crops", *names]
     outputs = ["corners", "score", *(f"new_{name}" for name in names)]
-    buffer = io.BytesIO()
     training = network.training
     network.eval()
     with warnings.catch_warnings(), torch.no_grad():
         warnings.simplefilter("ignore")  # of the tracer, about shapes that are constant here
         torch.onnx.export(
             _Step(network),
-            (*crops, *example_state),
-            buffer,
+            (*crops, *network.zero_state(2)),
+            str(path),
             input_names=inputs,
             output_names=outputs,
             dynamic_axes={name: {0: "objects"} for name in (*inputs, *outputs)},
@@ -77,17 +93,6 @@ def export_onnx(network: Network, path: str | Path, *, half_weights: bool = True
             dynamo=False,
         )
     network.train(training)
-    model = onnx.load_from_string(buffer.getvalue())
-    if half_weights:
-        _halve(model)
-    entry = model.metadata_props.add()
-    entry.key, entry.value = SPEC_KEY, spec.to_json()
-    onnx.checker.check_model(model)
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_suffix(f".{os.getpid()}.partial")
-    partial.write_bytes(model.SerializeToString())
-    partial.replace(path)
 
 
 def _halve(model: onnx.ModelProto) -> None:

@@ -167,7 +167,7 @@ class Correlation(nn.Module):
 
     def forward(self, template: Tensor, current: Tensor) -> Tensor:
         """`[N, C, K, K]` and `[N, C, G, G]` to `[N, correlation, G, G]`."""
-        n, channels, side, _ = current.shape
+        n, _, side, _ = current.shape
         keys = template.flatten(2).transpose(1, 2)  # [N, K * K, C]
         values = torch.bmm(keys, current.flatten(2)) * self.scale  # [N, K * K, G * G]
         return self.reduce(values.reshape(n, -1, side, side))
@@ -216,7 +216,8 @@ class LiteHead(nn.Module):
         for module in self.modules():
             if isinstance(module, nn.Conv2d | nn.Linear):
                 nn.init.kaiming_normal_(module.weight)
-                nn.init.zeros_(module.bias)
+                if module.bias is not None:
+                    nn.init.zeros_(module.bias)
         for readout in (self.modulate, self.residual):
             nn.init.zeros_(readout.weight)
         nn.init.normal_(self.heat.weight, std=0.01)
@@ -295,7 +296,14 @@ class LiteHead(nn.Module):
                 CellState(state.lstm2_output, state.lstm2_cell),
             ),
         )
-        new_state = LiteState(*first, *second, template, torch.ones_like(state.started))
+        new_state = LiteState(
+            lstm1_output=first.output,
+            lstm1_cell=first.cell,
+            lstm2_output=second.output,
+            lstm2_cell=second.cell,
+            template=template,
+            started=torch.ones_like(state.started),
+        )
         return self.read(fused, recurrent), new_state
 
     def unroll(self, previous: Features, current: Features, steps: int) -> LiteOutput:

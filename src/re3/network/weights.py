@@ -71,7 +71,7 @@ def _read_safetensors(path: Path) -> tuple[str, dict[str, Tensor]]:
     try:
         with safe_open(path, framework="pt") as file:
             metadata = file.metadata() or {}
-            return metadata.get(VARIANT_KEY, ""), {k: file.get_tensor(k) for k in file.keys()}
+            return metadata.get(VARIANT_KEY, ""), {k: file.get_tensor(k) for k in file.keys()}  # noqa: SIM118
     except SafetensorError as error:
         raise ValueError(f"{path} cannot be read as safetensors: {error}") from error
 

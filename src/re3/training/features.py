@@ -6,8 +6,9 @@ needed. Its threads do not spin while they wait, or they would fight torch's for
 
 from __future__ import annotations
 
-import io
+import tempfile
 import warnings
+from pathlib import Path
 
 import numpy as np
 import onnxruntime
@@ -61,17 +62,17 @@ class _Trunk(nn.Module):
 
 def _to_onnx(network: Re3Lite, size: int) -> bytes:
     example = torch.zeros(2, size, size, 3, dtype=torch.uint8)
-    buffer = io.BytesIO()
-    with warnings.catch_warnings():
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
+        path = str(Path(folder) / "trunk.onnx")
         warnings.simplefilter("ignore")  # of the tracer, about shapes that are constant here
         torch.onnx.export(
             _Trunk(network).eval(),
             (example,),
-            buffer,
+            path,
             input_names=["crops"],
             output_names=["at4", "at8", "at16"],
             dynamic_axes={name: {0: "n"} for name in ("crops", "at4", "at8", "at16")},
             opset_version=17,
             dynamo=False,
         )
-    return buffer.getvalue()
+        return Path(path).read_bytes()

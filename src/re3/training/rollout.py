@@ -97,7 +97,8 @@ def roll_out(
         target = geometry.encode(truth[:, t], current_regions)
         centre = (target[:, :2] + target[:, 2:]) / 2 / geometry.REGRESSION_SCALE
         with np.errstate(invalid="ignore"):
-            inside = (np.abs(centre - 0.5) < 0.5).all(axis=1)  # False for NaN
+            # False for NaN, where the object is absent.
+            inside: NDArray[np.bool_] = (np.abs(centre - 0.5) < 0.5).all(axis=1)
         targets.append(np.where(inside[:, None], target, 0.0))
         has_box.append(inside)
 

@@ -95,7 +95,7 @@ def _dashed(
     a, b = np.array(start, dtype=np.float64), np.array(end, dtype=np.float64)
     for at in np.arange(0, length, 2 * dash):
         p, q = (a + (b - a) * min(t, length) / length for t in (at, at + dash))
-        points = [tuple(int(round(v)) for v in point) for point in (p, q)]
+        points = [(round(float(point[0])), round(float(point[1]))) for point in (p, q)]
         cv2.line(canvas, points[0], points[1], (0, 0, 0), thickness + 2)
         cv2.line(canvas, points[0], points[1], colour, thickness)
 

@@ -67,7 +67,12 @@ class VideoSource(Protocol):
 
     def __enter__(self) -> Self: ...
 
-    def __exit__(self, *error: object) -> None: ...
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None: ...
 
 
 def open_source(spec: str | int | Path, *, start_frame: int = 0) -> VideoSource:
@@ -202,7 +207,7 @@ class ContainerSource(_Closing):
                 start_time = time if start_time is None else start_time
                 if index < self._start:
                     continue
-                image = frame.to_ndarray(format="bgr24")
+                image: NDArray[np.uint8] = frame.to_ndarray(format="bgr24")  # type: ignore[assignment]
                 if frame.rotation:  # phones record sideways and say so
                     image = np.ascontiguousarray(np.rot90(image, round(frame.rotation / 90)))
                 yield Frame(image, index, time - start_time)
