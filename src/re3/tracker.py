@@ -130,7 +130,7 @@ class MultiTracker:
         tracks = list(self._tracks.values())
         spec = self._engine.spec
         boxes = np.stack([track.box_xyxy for track in tracks])
-        regions = geometry.search_region(boxes, spec.current.context)
+        regions = geometry.snap(geometry.search_region(boxes, spec.current.context))
         output = self._engine.step(
             np.stack([track.previous_crop for track in tracks]),
             np.stack([geometry.crop(image, r, spec.current.size, spec.fill) for r in regions]),
@@ -230,7 +230,7 @@ class MultiTracker:
         spec = self._engine.spec
         box = geometry.convert(box_xywh, "xywh", "xyxy")
         previous = self._crop_previous(image, box)
-        region = geometry.search_region(box, spec.current.context)
+        region = geometry.snap(geometry.search_region(box, spec.current.context))
         current = geometry.crop(image, region, spec.current.size, spec.fill)
         # The box it finds is discarded in favour of the one given.
         output = self._engine.step(previous[None], current[None], zero_state(spec, 1))
@@ -263,7 +263,7 @@ class MultiTracker:
 
     def _crop_previous(self, image: NDArray[np.uint8], box_xyxy: Floats) -> NDArray[np.uint8]:
         spec = self._engine.spec
-        region = geometry.search_region(box_xyxy, spec.previous.context)
+        region = geometry.snap(geometry.search_region(box_xyxy, spec.previous.context))
         return geometry.crop(image, region, spec.previous.size, spec.fill)
 
 

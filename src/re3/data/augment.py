@@ -80,8 +80,7 @@ class AugmentedClip:
             image = np.clip(image + grain[:, :, None], 0, 255).astype(np.uint8)
         if self._quality:
             _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, self._quality])
-            compressed: NDArray[np.uint8] = cv2.imdecode(data, cv2.IMREAD_COLOR)
-            return compressed
+            return np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), dtype=np.uint8)
         return image
 
 

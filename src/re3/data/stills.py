@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from re3.geometry import Floats
 
 INDEX_NAME = "boxes.jsonl"
-SMALLEST_SHARE = 0.1**2
-"""Objects that cover less of the image lack detail and are discarded (Re3, sec. III-C)."""
+SMALLEST_SHARE = 0.01
+"""Objects that cover less of the image, 0.1 squared, are discarded (Re3, sec. III-C)."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -98,7 +98,7 @@ def roll_out(
         centre = (target[:, :2] + target[:, 2:]) / 2 / geometry.REGRESSION_SCALE
         with np.errstate(invalid="ignore"):
             # False for NaN, where the object is absent.
-            inside: NDArray[np.bool_] = (np.abs(centre - 0.5) < 0.5).all(axis=1)
+            inside = np.abs(centre - 0.5).max(axis=1) < 0.5
         targets.append(np.where(inside[:, None], target, 0.0))
         has_box.append(inside)
 

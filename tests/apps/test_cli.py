@@ -1,0 +1,153 @@
+"""The command line as users call it."""
+
+import csv
+import io
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import re3
+from re3.apps.cli import app
+from re3.video import VideoWriter, open_source
+
+CLIP = Path(__file__).parents[2] / "examples" / "clips" / "person.mp4"
+BOX = "368,58,158,374"
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def rows(text):
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+@pytest.mark.parametrize("command", ["track", "models", "eval", "train", "simulate", "export"])
+def test_every_command_has_help_with_an_example(command):
+    result = run(command, "--help")
+    assert result.exit_code == 0
+    assert "Example" in result.output
+    assert f"re3 {command}" in result.output
+
+
+def test_version():
+    assert run("--version").output == f"re3 {re3.__version__}\n"
+
+
+def test_models_lists_size_accuracy_and_speed():
+    output = run("models").output
+    for word in ("re3-lite", "MB", "AUC", "FPS"):
+        assert word in output
+
+
+def test_track_writes_video_and_results(tmp_path):
+    out, boxes = tmp_path / "o.mp4", tmp_path / "b.csv"
+    result = run("track", CLIP, "--box", BOX, "--max-frames", 12, "--out", out, "--results", boxes)
+    assert result.exit_code == 0, result.output
+    assert "tracking: " in result.output
+    assert "12 frames" in result.output
+    table = rows(boxes.read_text())
+    assert [int(row["frame"]) for row in table] == list(range(12))
+    first = [float(table[0][side]) for side in "xywh"]
+    assert first == [368, 58, 158, 374]
+    with av.open(str(out)) as container, av.open(str(CLIP)) as source:
+        stream, original = container.streams.video[0], source.streams.video[0]
+        assert (stream.width, stream.height) == (original.width, original.height)
+        assert stream.average_rate == original.average_rate
+        assert sum(1 for _ in container.decode(video=0)) == 12
+
+
+def test_results_on_standard_output_are_nothing_but_csv():
+    done = subprocess.run(
+        [sys.executable, "-m", "re3", "track", CLIP, "--box", BOX, "--results", "-"]
+        + ["--object", "table=440,80,146,260", "--start-frame", "3", "--max-frames", "4"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    table = rows(done.stdout)
+    assert [(row["frame"], row["object"]) for row in table] == [
+        (str(frame), name) for frame in range(3, 7) for name in ("object", "table")
+    ]
+
+
+def test_ctrl_c_finishes_the_files_and_says_how_many_frames(tmp_path):
+    clip = tmp_path / "long.mp4"
+    with VideoWriter(clip, 25, (320, 240)) as writer:
+        for index in range(1500):
+            writer.write(np.full((240, 320, 3), index % 250, np.uint8))
+    out, boxes = tmp_path / "o.mp4", tmp_path / "b.csv"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "re3", "track", clip, "--box", "50,50,80,80"]
+        + ["--out", out, "--results", boxes],
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    deadline = time.monotonic() + 60
+    while not list(tmp_path.glob(".o.mp4.*")) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    time.sleep(1.0)
+    os.kill(process.pid, signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    with open_source(out) as source:
+        frames = len(list(source))
+    assert 0 < frames < 1500
+    assert len(rows(boxes.read_text())) == frames
+    assert f"stopped by Ctrl-C after {frames} frames" in err
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["b.csv", "long.mp4", "o.mp4"]
+
+
+def test_a_source_that_breaks_keeps_what_was_tracked(tmp_path):
+    frames = tmp_path / "frames"
+    frames.mkdir()
+    with open_source(CLIP) as source:
+        for frame in source:
+            if frame.index < 4:
+                re3_path = frames / f"{frame.index}.png"
+                import cv2
+
+                cv2.imwrite(str(re3_path), frame.image)
+    (frames / "2.png").write_bytes(b"broken")
+    result = run("track", frames, "--box", BOX, "--results", tmp_path / "b.csv")
+    assert result.exit_code == 1
+    assert "stopped early" in result.output
+    assert "2.png" in result.output.replace("\n", "")
+    assert len(rows((tmp_path / "b.csv").read_text())) == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([CLIP], "no object to track; give its box in the first frame: --box X,Y,W,H"),
+        ([CLIP, "--box", "1,2,3"], "--box '1,2,3' is not X,Y,W,H"),
+        ([CLIP, "--box", "a,b,c,d"], "--box 'a,b,c,d' is not X,Y,W,H"),
+        ([CLIP, "--box", "1,2,0,5"], "no area"),
+        ([CLIP, "--box", "nan,2,5,5"], "NaN"),
+        ([CLIP, "--box", "5000,5000,5,5"], "outside the frame of 768 x 432"),
+        ([CLIP, "--object", "1,2,3,4"], "is not NAME=X,Y,W,H"),
+        ([CLIP, "--object", "a=1,2,3,4", "--object", "a=5,6,7,8"], "two objects are called 'a'"),
+        (["none.mp4", "--box", BOX], "'none.mp4' does not exist"),
+        ([CLIP, "--box", BOX, "--start-frame", "500"], "no frame 500"),
+        ([CLIP, "--box", BOX, "--model", "re4"], "unknown model 're4'"),
+        ([CLIP, "--box", BOX, "--engine", "magic"], "unknown engine 'magic'"),
+        ([CLIP, "--box", BOX, "--results", "r.xml"], "expected one of .csv"),
+        ([CLIP, "--box", BOX, "--out", "o.avi"], "does not end in .mp4"),
+        ([CLIP, "--box", BOX, "--out", CLIP], "is the source itself"),
+    ],
+)
+def test_wrong_input_is_an_error_line_and_leaves_no_file(tmp_path, monkeypatch, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    result = run("track", *arguments)
+    assert result.exit_code == 2
+    assert message in " ".join(result.output.split())
+    assert "Traceback" not in result.output
+    assert list(tmp_path.iterdir()) == []

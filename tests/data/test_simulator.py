@@ -1,0 +1,158 @@
+"""Simulated scenes, from pictures that the test draws."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+
+from re3.data.augment import AugmentedClip, PhotometricConfig
+from re3.data.clip import MirroredClip, RecordedClip
+from re3.data.simulator import SimulationConfig, simulate
+from re3.data.stills import read_stills
+from re3.geometry import search_region
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Six pictures: a bright disc with a mask, or a box without one, on dark noise."""
+    folder = tmp_path_factory.mktemp("stills")
+    rng = np.random.default_rng(0)
+    lines = []
+    for index in range(6):
+        image = rng.integers(0, 80, (120, 160, 3), dtype=np.uint8)
+        mask = np.zeros((120, 160), np.uint8)
+        if index % 2:
+            cv2.circle(mask, (80, 60), 25, 255, -1)
+        else:
+            mask[35:85, 55:105] = 255
+        image[mask > 0] = (40, 200, 250)
+        cv2.imwrite(str(folder / f"{index}.png"), image)
+        cv2.imwrite(str(folder / f"{index}-mask.png"), mask)
+        lines.append(
+            {
+                "image": f"{index}.png",
+                "mask": f"{index}-mask.png" if index % 2 else None,
+                "width": 160,
+                "height": 120,
+                "objects": [{"label": "thing", "box_xywh": [55, 35, 50, 50]}],
+            }
+        )
+    (folder / "boxes.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def stills(folder):
+    return read_stills(folder)
+
+
+CALM = SimulationConfig(occluders=0.0, twin=0.0, other=0.0, foreign=0.0, object_pixels=(40.0, 60.0))
+
+
+def test_small_objects_are_discarded(folder, tmp_path):
+    line = json.loads((folder / "boxes.jsonl").read_text().splitlines()[0])
+    line["objects"] = [
+        {"label": "large enough", "box_xywh": [0, 0, 16, 12]},  # exactly 0.1 squared
+        {"label": "small", "box_xywh": [0, 0, 15, 12]},
+    ]
+    (tmp_path / "boxes.jsonl").write_text(json.dumps(line))
+    (still,) = read_stills(tmp_path)
+    np.testing.assert_array_equal(still.boxes_xywh, [[0, 0, 16, 12]])
+
+
+@pytest.mark.parametrize(
+    ("content", "error", "message"),
+    [
+        (None, FileNotFoundError, "boxes.jsonl does not exist"),
+        ("{}", ValueError, "line 1.*image"),
+        ("nonsense", ValueError, "line 1"),
+        ("", ValueError, "has no object"),
+    ],
+)
+def test_a_broken_index_is_named(tmp_path, content, error, message):
+    if content is not None:
+        (tmp_path / "boxes.jsonl").write_text(content)
+    with pytest.raises(error, match=message):
+        read_stills(tmp_path)
+
+
+def test_the_same_seed_gives_the_same_scene(stills):
+    a, b = (simulate(stills, 8, np.random.default_rng(7)) for _ in range(2))
+    c = simulate(stills, 8, np.random.default_rng(8))
+    np.testing.assert_array_equal(a.boxes_xyxy, b.boxes_xyxy)
+    assert not np.array_equal(a.boxes_xyxy, c.boxes_xyxy)
+    region = (0, 0, *a.size)
+    np.testing.assert_array_equal(a.crop(3, region, 64), b.crop(3, region, 64))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_box_is_where_the_object_is_drawn(stills, seed):
+    scene = simulate(stills, 12, np.random.default_rng(seed), CALM)
+    for t in range(12):
+        x1, y1, x2, y2 = scene.boxes_xyxy[t]
+        if np.isnan(x1):
+            continue
+        image = scene.render(t, (0, 0, *scene.size), *scene.size)
+        # The picture it was cut from is the background, with the object in it: hide that one.
+        own = np.zeros(image.shape[:2], bool)
+        own[max(int(y1) - 4, 0) : int(y2) + 5, max(int(x1) - 4, 0) : int(x2) + 5] = True
+        bright = (image[:, :, 2] > 160) & own
+        rows, columns = np.nonzero(bright)
+        overlap = (columns.max() + 1 - columns.min()) * (rows.max() + 1 - rows.min())
+        area = (x2 - x1) * (y2 - y1)
+        assert 0.7 < overlap / area < 1.45
+
+
+def test_objects_move_and_change(stills):
+    scenes = [simulate(stills, 16, np.random.default_rng(s)) for s in range(20)]
+    moved = [np.nanmax(np.abs(s.boxes_xyxy - s.boxes_xyxy[0])) for s in scenes]
+    sizes = [np.ptp(s.boxes_xyxy[:, 2] - s.boxes_xyxy[:, 0]) for s in scenes]
+    assert np.median(moved) > 5
+    assert np.nanmedian(sizes) > 1
+
+
+def test_occluders_hide_the_object(stills):
+    config = SimulationConfig(occluders=6.0)
+    hidden = [
+        simulate(stills, 16, np.random.default_rng(seed), config).visible.min()
+        for seed in range(12)
+    ]
+    clear = simulate(stills, 16, np.random.default_rng(0), CALM)
+    assert min(hidden) < 0.4
+    assert (clear.visible[~np.isnan(clear.boxes_xyxy[:, 0])] == 1).all()
+
+
+def test_a_crop_is_a_piece_of_the_rendered_frame(stills):
+    scene = simulate(stills, 4, np.random.default_rng(3), CALM)
+    whole = scene.render(2, (0, 0, *scene.size), *scene.size)
+    part = scene.crop(2, (10, 10, 74, 74), 64)
+    difference = np.abs(part.astype(int) - whole[10:74, 10:74])
+    assert difference.mean() < 1.0
+
+
+def test_outside_the_scene_is_the_fill(stills):
+    scene = simulate(stills, 2, np.random.default_rng(3))
+    crop = scene.crop(0, (-200, -200, -100, -100), 32)
+    assert (crop == 127).all()
+
+
+def test_mirroring_mirrors_boxes_and_crops():
+    image = np.random.default_rng(0).integers(0, 255, (50, 60, 3), dtype=np.uint8)
+    clip = RecordedClip([image], [(10, 5, 30, 25)], (127.0,) * 3)
+    mirrored = MirroredClip(clip)
+    region, mirrored_region = (search_region(c.boxes_xyxy[0], 2.0) for c in (clip, mirrored))
+    np.testing.assert_array_equal(
+        mirrored.crop(0, mirrored_region, 32), clip.crop(0, region, 32)[:, ::-1]
+    )
+    np.testing.assert_allclose(MirroredClip(mirrored).boxes_xyxy, clip.boxes_xyxy)
+
+
+def test_the_look_of_a_frame_does_not_change_between_looks():
+    image = np.random.default_rng(0).integers(0, 255, (50, 60, 3), dtype=np.uint8)
+    clip = RecordedClip([image] * 3, [(10, 5, 30, 25)] * 3, (127.0,) * 3)
+    strong = PhotometricConfig(grey=1.0, blur=1.0, motion_blur=1.0, noise=1.0, jpeg=1.0)
+    seen = AugmentedClip(clip, np.random.default_rng(0), strong)
+    region = search_region(clip.boxes_xyxy[0], 2.0)
+    np.testing.assert_array_equal(seen.crop(1, region, 32), seen.crop(1, region, 32))
+    assert not np.array_equal(seen.crop(1, region, 32), clip.crop(1, region, 32))

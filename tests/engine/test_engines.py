@@ -1,0 +1,102 @@
+"""The shipped model by its engines, and files that are none."""
+
+from pathlib import Path
+
+import numpy as np
+import onnxruntime
+import pytest
+
+import re3
+from re3.engine import load_engine, zero_state
+from re3.models import DEFAULT_MODEL, find_weights, list_models
+from re3.video import open_source
+
+CLIP = Path(__file__).parents[2] / "examples" / "clips" / "person.mp4"
+PERSON = (368.0, 58.0, 158.0, 374.0)
+
+
+def test_torch_and_onnx_agree_on_a_step():
+    pytest.importorskip("torch", reason="compares with the torch engine")
+    engines = [load_engine(DEFAULT_MODEL, name) for name in ("onnx", "torch")]
+    spec, rng = engines[0].spec, np.random.default_rng(0)
+    assert engines[1].spec == spec
+    for objects in (1, 3):
+        states = [zero_state(spec, objects)] * 2
+        for _ in range(3):
+            crops = [
+                rng.integers(0, 256, (objects, c.size, c.size, 3), dtype=np.uint8)
+                for c in (spec.previous, spec.current)
+            ]
+            a, b = (e.step(*crops, s) for e, s in zip(engines, states, strict=True))
+            np.testing.assert_allclose(a.corners, b.corners, atol=1e-4)
+            np.testing.assert_allclose(a.score, b.score, atol=1e-4)
+            for name in spec.state:
+                np.testing.assert_allclose(a.state[name], b.state[name], atol=1e-4, err_msg=name)
+            states = [a.state, b.state]
+
+
+@pytest.mark.slow
+def test_torch_and_onnx_give_the_same_boxes_over_a_clip():
+    pytest.importorskip("torch", reason="compares with the torch engine")
+    trackers = [re3.Tracker(engine=name) for name in ("onnx", "torch")]
+    with open_source(CLIP) as source:
+        for frame in source:
+            if frame.index == 0:
+                boxes = [t.init(frame.image, PERSON).box_xywh for t in trackers]
+            else:
+                boxes = [t.update(frame.image).box_xywh for t in trackers]
+            np.testing.assert_allclose(boxes[0], boxes[1], atol=0.5)
+
+
+def _plain_onnx(path):
+    onnx = pytest.importorskip("onnx", reason="writes an ONNX file that is not re3's")
+    tensor = onnx.helper.make_tensor_value_info
+    graph = onnx.helper.make_graph(
+        [onnx.helper.make_node("Relu", ["x"], ["y"])],
+        "plain",
+        [tensor("x", onnx.TensorProto.FLOAT, [1])],
+        [tensor("y", onnx.TensorProto.FLOAT, [1])],
+    )
+    opset = onnx.helper.make_opsetid("", 17)
+    onnx.save(onnx.helper.make_model(graph, opset_imports=[opset], ir_version=8), str(path))
+
+
+@pytest.mark.parametrize("engine", ["onnx", "torch"])
+def test_a_foreign_onnx_file_is_refused(tmp_path, engine):
+    if engine == "torch":
+        pytest.importorskip("torch", reason="the torch engine")
+    path = tmp_path / "plain.onnx"
+    _plain_onnx(path)
+    onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])  # it is sound
+    with pytest.raises(ValueError, match=r"plain\.onnx .*carries no re3 description"):
+        load_engine(str(path), engine)
+
+
+def test_a_broken_onnx_file_is_refused(tmp_path):
+    path = tmp_path / "broken.onnx"
+    path.write_bytes(find_weights(DEFAULT_MODEL).read_bytes()[:5000])
+    with pytest.raises(ValueError, match=r"broken\.onnx cannot be loaded.*complete"):
+        load_engine(str(path), "onnx")
+
+
+@pytest.mark.parametrize(
+    ("model", "engine", "error", "message"),
+    [
+        ("re3-lite", "cuda", ValueError, "unknown engine 'cuda'; expected one of auto, onnx"),
+        ("re4", "auto", ValueError, "unknown model 're4'; expected one of re3-lite, re3"),
+        ("re3", "auto", ValueError, "'re3' comes without weights"),
+        ("nowhere.onnx", "auto", FileNotFoundError, r"nowhere\.onnx does not exist"),
+    ],
+)
+def test_unknown_models_and_engines_are_refused(model, engine, error, message):
+    with pytest.raises(error, match=message):
+        re3.Tracker(model, engine)
+
+
+def test_the_shipped_model_has_a_card_with_figures():
+    card = next(card for card in list_models() if card.name == DEFAULT_MODEL)
+    assert card.shipped
+    assert 1e6 < card.size_bytes < 25e6
+    assert card.accuracy["val/davis AUC"] >= 0.66
+    for key in ("command", "data", "machine", "licence"):
+        assert card.details[key], key

@@ -1,0 +1,322 @@
+"""The streaming tracker: reset rule, batching, states, frames and boxes of all kinds."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import re3
+from re3 import geometry
+from re3.engine import StepOutput
+from re3.model_spec import CropSpec, ModelSpec
+from re3.result import Status
+from re3.tracker import LOST_BELOW, UNCERTAIN_BELOW, status_of
+from re3.video import open_source
+
+SPEC = ModelSpec(
+    name="counter",
+    previous=CropSpec(context=2.0, size=16),
+    current=CropSpec(context=2.0, size=32),
+    fill=(127.0, 127.0, 127.0),
+    state={"count": (1,)},
+)
+STILL = (2.5, 2.5, 7.5, 7.5)
+BOX = (40.0, 30.0, 24.0, 20.0)
+CLIP = Path(__file__).parents[1] / "examples" / "clips" / "person.mp4"
+PERSON = (368.0, 58.0, 158.0, 374.0)
+
+
+class Counter:
+    """An engine whose state counts steps; it says what it is told to."""
+
+    def __init__(self, corners=STILL, score=0.9, spec=SPEC):
+        self.spec, self.corners, self.score = spec, corners, score
+        self.calls = []
+
+    def step(self, previous_crops, current_crops, state):
+        self.calls.append((previous_crops, current_crops, state["count"].copy()))
+        n = len(previous_crops)
+        return StepOutput(
+            np.tile(np.float32(self.corners), (n, 1)),
+            np.full(n, self.score, np.float32),
+            {"count": state["count"] + 1},
+        )
+
+
+def noise(height=100, width=140, seed=0):
+    return np.random.default_rng(seed).integers(0, 256, (height, width, 3), dtype=np.uint8)
+
+
+def test_the_box_given_is_the_first_result():
+    tracker = re3.Tracker(engine=Counter(corners=(0, 0, 1, 1)))
+    result = tracker.init(noise(), BOX)
+    assert result.box_xywh == BOX
+    assert (result.score, result.status, result.frame_index) == (1.0, Status.TRACKED, 0)
+
+
+def test_an_object_that_stays_keeps_its_box():
+    tracker = re3.Tracker(engine=Counter())
+    tracker.init(noise(), BOX)
+    for index in range(1, 5):
+        result = tracker.update(noise())
+        assert result.frame_index == index
+        np.testing.assert_allclose(result.box_xywh, BOX, atol=1e-4)
+
+
+def test_the_first_pass_sees_the_given_box_in_the_first_frame_twice():
+    engine, frame = Counter(spec=replace(SPEC, current=SPEC.previous)), noise()
+    re3.Tracker(engine=engine).init(frame, BOX)
+    ((previous, current, count),) = engine.calls
+    np.testing.assert_array_equal(previous, current)
+    region = geometry.search_region(geometry.convert(BOX, "xywh", "xyxy"), 2.0)
+    np.testing.assert_array_equal(previous[0], geometry.crop(frame, region, 16, SPEC.fill))
+    assert count == [[0]]
+
+
+def test_a_step_sees_both_frames_at_the_previous_box():
+    engine = Counter(spec=replace(SPEC, current=SPEC.previous), corners=(3, 3, 8, 8))
+    tracker = re3.Tracker(engine=engine)
+    frames = [noise(seed=s) for s in range(3)]
+    tracker.init(frames[0], BOX)
+    box = tracker.update(frames[1]).box_xywh
+    tracker.update(frames[2])
+    region = geometry.snap(geometry.search_region(geometry.convert(box, "xywh", "xyxy"), 2.0))
+    previous, current, _ = engine.calls[-1]
+    np.testing.assert_array_equal(previous[0], geometry.crop(frames[1], region, 16, SPEC.fill))
+    np.testing.assert_array_equal(current[0], geometry.crop(frames[2], region, 16, SPEC.fill))
+
+
+def test_every_32_steps_the_state_returns_to_that_after_the_first_pass():
+    engine = Counter()
+    tracker = re3.Tracker(engine=engine)
+    tracker.init(noise(), BOX)
+    for _ in range(66):
+        tracker.update(noise())
+    counts = [int(count[0, 0]) for _, _, count in engine.calls]
+    assert counts == [0, *range(1, 33), *range(1, 33), 1, 2]
+
+
+def test_an_interval_of_zero_never_resets():
+    engine = Counter(spec=replace(SPEC, reset_interval=0))
+    tracker = re3.Tracker(engine=engine)
+    tracker.init(noise(), BOX)
+    for _ in range(40):
+        tracker.update(noise())
+    assert [int(count[0, 0]) for _, _, count in engine.calls] == list(range(41))
+
+
+def test_objects_added_later_reset_on_their_own_clock():
+    engine = Counter()
+    tracker = re3.MultiTracker(engine=engine)
+    tracker.add(noise(), BOX)
+    for _ in range(10):
+        tracker.update(noise())
+    tracker.add(noise(), BOX)
+    for _ in range(30):
+        tracker.update(noise())
+    counts = engine.calls[-1][2][:, 0].astype(int).tolist()
+    assert counts == [8, 30]
+
+
+@pytest.mark.parametrize(
+    "corners",
+    [
+        (np.nan, 0, 1, 1),  # not a number
+        (np.inf, 0, -np.inf, 1),  # infinite
+        (9, 9, 1, 1),  # inside out
+        (5, 5, 5, 5),  # no area
+        (1e9, 1e9, 2e9, 2e9),  # far away
+        (-1e9, -1e9, 1e9, 1e9),  # vast
+    ],
+)
+def test_the_box_is_always_finite_and_has_size(corners):
+    tracker = re3.Tracker(engine=Counter(corners=corners))
+    tracker.init(noise(), BOX)
+    for _ in range(5):
+        box = np.array(tracker.update(noise()).box_xywh)
+        assert np.isfinite(box).all()
+        assert (box[2:] > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("score", "status"),
+    [
+        (1.0, Status.TRACKED),
+        (UNCERTAIN_BELOW, Status.TRACKED),
+        (UNCERTAIN_BELOW - 0.01, Status.UNCERTAIN),
+        (LOST_BELOW, Status.UNCERTAIN),
+        (LOST_BELOW - 0.01, Status.LOST),
+        (0.0, Status.LOST),
+        (np.nan, Status.TRACKED),  # a model without score
+    ],
+)
+def test_status(score, status):
+    assert status_of(score) is status
+
+
+@pytest.mark.parametrize(
+    ("frame", "message"),
+    [
+        (None, "NoneType.*uint8"),  # as OpenCV gives at the end of a video
+        (np.zeros((10, 10, 3)), "float64.*0..255"),
+        (np.zeros((10, 10, 2), np.uint8), r"\(10, 10, 2\)"),
+        (np.zeros((0, 10, 3), np.uint8), "no pixels"),
+        (np.zeros(10, np.uint8), r"\(10,\)"),
+    ],
+)
+def test_unusable_frames_are_refused_and_nothing_changes(frame, message):
+    tracker = re3.Tracker(engine=Counter())
+    with pytest.raises(ValueError, match=message):
+        tracker.init(frame, BOX)
+    first = tracker.init(noise(), BOX)
+    with pytest.raises(ValueError, match=message):
+        tracker.update(frame)
+    assert tracker.update(noise()).frame_index == first.frame_index + 1
+
+
+def test_unusable_boxes_are_refused_and_the_object_before_stays():
+    tracker = re3.Tracker(engine=Counter())
+    tracker.init(noise(), BOX)
+    for box in [(0, 0, 0, 5), (0, 0, 5, -5), (np.nan, 0, 5, 5), (500, 500, 5, 5)]:
+        with pytest.raises(ValueError, match="box"):
+            tracker.init(noise(), box)
+    np.testing.assert_allclose(tracker.update(noise()).box_xywh, BOX, atol=1e-4)
+
+
+def test_update_before_init_says_what_to_do():
+    with pytest.raises(RuntimeError, match=r"init\(\)"):
+        re3.Tracker(engine=Counter()).update(noise())
+
+
+def test_frames_of_all_kinds_give_the_same_as_bgr():
+    grey = noise()[:, :, 0]
+    bgr = np.repeat(grey[:, :, None], 3, axis=2)
+    bgra = np.dstack([bgr, np.full(grey.shape, 9, np.uint8)])
+    wide = np.repeat(bgr, 2, axis=1)[:, ::2]
+    expected = None
+    for frame in (bgr, grey, grey[:, :, None], bgra, wide):
+        engine = Counter()
+        tracker = re3.Tracker(engine=engine)
+        tracker.init(frame, BOX)
+        tracker.update(frame)
+        crops = engine.calls[-1][1]
+        expected = crops if expected is None else expected
+        np.testing.assert_array_equal(crops, expected)
+
+
+def test_frames_may_change_size():
+    tracker = re3.Tracker(engine=Counter())
+    tracker.init(noise(100, 140), BOX)
+    for size in ((50, 70), (300, 200), (8, 8)):
+        box = tracker.update(noise(*size)).box_xywh
+        assert np.isfinite(box).all()
+
+
+def test_the_callers_frame_is_neither_changed_nor_kept():
+    engine = Counter()
+    tracker, frame = re3.Tracker(engine=engine), noise()
+    copy = frame.copy()
+    tracker.init(frame, BOX)
+    np.testing.assert_array_equal(frame, copy)
+    frame[:] = 0  # as a camera's buffer is overwritten
+    tracker.update(noise(seed=1))
+    assert engine.calls[-1][0].any()
+
+
+def test_objects_are_added_named_and_removed():
+    tracker = re3.MultiTracker(engine=Counter())
+    assert tracker.update(noise()) == {}
+    a = tracker.add(noise(), BOX)
+    b = tracker.add(noise(), (10, 10, 20, 20), name="dog")
+    results = tracker.update(noise())
+    assert list(results) == [a, b]
+    assert (results[a].label, results[b].label) == (str(a), "dog")
+    tracker.remove(a)
+    assert list(tracker.update(noise())) == [b]
+    with pytest.raises(KeyError, match=rf"no object {a}; tracked are \[{b}\]"):
+        tracker.remove(a)
+    assert tracker.add(noise(), BOX) not in (a, b)
+
+
+@pytest.fixture(scope="module")
+def walk():
+    """The bundled clip: frames, and boxes of the person, the table, the picture, the pillar."""
+    with open_source(CLIP) as source:
+        frames = [frame.image for frame in source]
+    return frames, [PERSON, (440, 80, 146, 260), (-10, -20, 115, 190), (540, -10, 90, 275)]
+
+
+def test_many_objects_equal_single_trackers(walk):
+    frames, boxes = walk
+    multi = re3.MultiTracker()
+    singles = [re3.Tracker() for _ in boxes]
+    ids = [multi.add(frames[0], box) for box in boxes]
+    for tracker, box in zip(singles, boxes, strict=True):
+        tracker.init(frames[0], box)
+    for frame in frames[1:40]:
+        together = multi.update(frame)
+        for identity, tracker in zip(ids, singles, strict=True):
+            alone = tracker.update(frame)
+            np.testing.assert_allclose(together[identity].box_xywh, alone.box_xywh, atol=0.1)
+            assert together[identity].score == pytest.approx(alone.score, abs=1e-3)
+
+
+def test_a_saved_state_resumes_exactly(walk, tmp_path):
+    frames, boxes = walk
+    tracker = re3.Tracker()
+    tracker.init(frames[0], boxes[0])
+    for frame in frames[1:20]:
+        tracker.update(frame)
+    np.savez(tmp_path / "state.npz", **tracker.save_state())
+    expected = [tracker.update(frame) for frame in frames[20:60]]
+    resumed = re3.Tracker()
+    with np.load(tmp_path / "state.npz") as saved:
+        resumed.load_state(saved)
+    assert [resumed.update(frame) for frame in frames[20:60]] == expected
+
+
+def test_a_saved_state_keeps_ids_and_names():
+    tracker = re3.MultiTracker(engine=Counter())
+    tracker.add(noise(), BOX)
+    tracker.add(noise(), BOX, name="dog")
+    tracker.remove(1)
+    other = re3.MultiTracker(engine=Counter())
+    other.load_state(tracker.save_state())
+    assert other.results == tracker.results
+    assert other.add(noise(), BOX) == 3
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda s: s.update(model=np.array("other")), "saved with model 'other'"),
+        (lambda s: s.pop("ids"), "lacks 'ids'"),
+        (lambda s: s.pop("1/state/count"), "lacks '1/state/count'"),
+        (lambda s: s.update({"1/state/count": np.zeros(7)}), r"shape \(7,\).*expects \(1,\)"),
+    ],
+)
+def test_a_state_that_does_not_fit_is_refused_and_nothing_changes(change, message):
+    tracker = re3.MultiTracker(engine=Counter())
+    tracker.add(noise(), BOX)
+    saved = tracker.save_state()
+    change(saved)
+    with pytest.raises(ValueError, match=message):
+        tracker.load_state(saved)
+    assert list(tracker.results) == [1]
+
+
+def test_import_is_light():
+    code = (
+        "import sys, time; start = time.perf_counter(); import re3; "
+        "print(time.perf_counter() - start, *(m in sys.modules for m in ('torch', 'matplotlib')))"
+    )
+    runs = [
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+        for _ in range(3)
+    ]
+    outputs = [run.stdout.split() for run in runs]
+    assert all(output[1:] == ["False", "False"] for output in outputs)
+    assert min(float(output[0]) for output in outputs) < 0.5

@@ -1,0 +1,62 @@
+import numpy as np
+import pytest
+
+from re3.result import Result, Status
+from re3.video import draw_results
+from re3.video.draw import LOST_COLOUR, PALETTE, colour_of
+
+
+def has(image, colour):
+    return bool((image == colour).all(axis=2).any())
+
+
+def result(box=(40, 30, 30, 30), status=Status.TRACKED, score=0.9, object_id=1, name=None):
+    return Result(box, score, status, 0, object_id, name)
+
+
+@pytest.mark.parametrize("size", [(60, 80), (120, 160), (1080, 1920)])
+def test_box_and_label_are_drawn_and_the_input_is_left_alone(size):
+    image = np.zeros((*size, 3), np.uint8)
+    drawn = draw_results(image, [result()])
+    assert not image.any()
+    assert has(drawn, PALETTE[0])
+    assert drawn.shape == image.shape
+
+
+def test_objects_differ_in_colour():
+    image = np.zeros((200, 200, 3), np.uint8)
+    drawn = draw_results(image, [result(object_id=1), result((120, 120, 30, 30), object_id=2)])
+    assert has(drawn, colour_of(1))
+    assert has(drawn, colour_of(2))
+    assert len({colour_of(i) for i in range(1, 11)}) == 10
+
+
+def test_a_lost_object_is_drawn_as_lost():
+    image = np.zeros((200, 200, 3), np.uint8)
+    lost = draw_results(image, [result(status=Status.LOST)])
+    assert has(lost, LOST_COLOUR)
+    assert not has(lost, PALETTE[0])
+    uncertain = draw_results(image, [result(status=Status.UNCERTAIN)])
+    tracked = draw_results(image, [result(status=Status.TRACKED)])
+    assert (uncertain != tracked).any()
+
+
+@pytest.mark.parametrize(
+    "box",
+    [
+        (-50, -50, 60, 60),  # over the corner
+        (190, 190, 60, 60),  # over the other
+        (-500, -500, 5, 5),  # wholly outside
+        (-1e12, 0, 2e12, 5),  # beyond integers
+        (0, 0, 200, 200),  # the whole frame: no room above or below
+    ],
+)
+def test_boxes_anywhere_are_drawn_with_their_label_inside(box):
+    drawn = draw_results(np.zeros((200, 200, 3), np.uint8), [result(box)])
+    plate = (drawn == PALETTE[0]).all(axis=2)
+    assert plate.sum() > 300  # the label's plate is there
+
+
+def test_a_long_or_foreign_name_does_not_fail():
+    image = np.zeros((60, 80, 3), np.uint8)
+    draw_results(image, [result(name="ein sehr langer Name für ein Objekt" * 3)])

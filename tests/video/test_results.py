@@ -1,0 +1,96 @@
+import csv
+import json
+
+import pytest
+
+from re3.result import Result, Status
+from re3.video import open_results
+
+CAR = Result((1.5, 2.0, 30.25, 40.0), 0.91234, Status.TRACKED, 0, 1, "car")
+DOG = Result((5.0, 6.0, 7.0, 8.0), 0.1, Status.LOST, 0, 2, "dog & cat")
+PLAIN = Result((5.0, 6.0, 7.0, 8.0), float("nan"), Status.TRACKED, 0, 3)
+
+ROW = {
+    "frame": 7,
+    "timestamp": 0.28,
+    "object": "car",
+    "x": 1.5,
+    "y": 2.0,
+    "w": 30.25,
+    "h": 40.0,
+    "score": 0.9123,
+    "status": "tracked",
+}
+
+
+def write(path, *frames):
+    with open_results(path) as writer:
+        for index, results in enumerate(frames, start=7):
+            writer.write(index, index * 0.04, results)
+    return writer
+
+
+def test_csv(tmp_path):
+    path = tmp_path / "new" / "r.csv"
+    assert write(path, [CAR, DOG], [PLAIN]).paths == [path]
+    with path.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert rows[0] == {name: str(value) for name, value in ROW.items()}
+    assert [(row["frame"], row["object"], row["status"]) for row in rows] == [
+        ("7", "car", "tracked"),
+        ("7", "dog & cat", "lost"),
+        ("8", "3", "tracked"),
+    ]
+    assert rows[2]["score"] == ""
+
+
+def test_json_and_json_lines(tmp_path):
+    write(tmp_path / "r.jsonl", [CAR], [DOG])
+    write(tmp_path / "r.json", [CAR], [DOG])
+    lines = [json.loads(line) for line in (tmp_path / "r.jsonl").read_text().splitlines()]
+    assert lines[0] == ROW
+    assert json.loads((tmp_path / "r.json").read_text()) == lines
+
+
+def test_otb_text(tmp_path):
+    path = tmp_path / "r.txt"
+    assert write(path, [CAR], [CAR]).paths == [path]
+    assert path.read_text() == "1.500,2.000,30.250,40.000\n" * 2
+
+
+def test_otb_text_of_several_objects(tmp_path):
+    written = write(tmp_path / "r.txt", [CAR, DOG], [CAR, DOG]).paths
+    assert [path.name for path in written] == ["r-car.txt", "r-dog___cat.txt"]
+    assert written[1].read_text() == "5.000,6.000,7.000,8.000\n" * 2
+    assert sorted(tmp_path.iterdir()) == sorted(written)
+
+
+def test_standard_output_has_nothing_but_the_rows(capsys):
+    write("-", [CAR])
+    out, err = capsys.readouterr()
+    assert out.splitlines() == [",".join(ROW), ",".join(str(v) for v in ROW.values())]
+    assert err == ""
+
+
+@pytest.mark.parametrize("name", ["r.csv", "r.json", "r.jsonl", "r.txt"])
+def test_an_interrupted_run_keeps_what_it_had(tmp_path, name):
+    path = tmp_path / name
+    with pytest.raises(KeyboardInterrupt), open_results(path) as writer:
+        writer.write(0, 0.0, [CAR])
+        raise KeyboardInterrupt
+    assert list(tmp_path.iterdir()) == [path]
+    if name.endswith("json"):
+        assert len(json.loads(path.read_text())) == 1
+
+
+@pytest.mark.parametrize("name", ["r.csv", "r.json", "r.txt"])
+def test_no_file_without_frames(tmp_path, name):
+    with open_results(tmp_path / name):
+        pass
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["r.xml", "results"])
+def test_an_unknown_ending_is_refused(tmp_path, name):
+    with pytest.raises(ValueError, match=r"expected one of \.csv, \.jsonl, \.json, \.txt"):
+        open_results(tmp_path / name)

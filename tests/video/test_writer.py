@@ -1,0 +1,76 @@
+from fractions import Fraction
+
+import av
+import numpy as np
+import pytest
+
+from re3.video import VideoWriter, open_source
+
+
+def write(path, frames, size=(64, 48), fps=25):
+    with VideoWriter(path, fps, size) as writer:
+        for index in range(frames):
+            writer.write(np.full((size[1], size[0], 3), 10 * index, np.uint8))
+
+
+@pytest.mark.parametrize("fps", [Fraction(30000, 1001), 12.5, 10])
+def test_what_is_written_plays_in_a_browser(tmp_path, fps):
+    write(tmp_path / "v.mp4", 5, fps=fps)
+    with av.open(str(tmp_path / "v.mp4")) as container:
+        stream = container.streams.video[0]
+        assert stream.codec_context.name == "h264"
+        assert stream.codec_context.pix_fmt == "yuv420p"
+        assert (stream.width, stream.height) == (64, 48)
+        assert stream.average_rate == Fraction(fps)
+        assert sum(1 for _ in container.decode(video=0)) == 5
+
+
+def test_odd_sizes_get_one_more_line(tmp_path):
+    write(tmp_path / "v.mp4", 2, size=(63, 47))
+    with open_source(tmp_path / "v.mp4") as source:
+        assert source.size == (64, 48)
+
+
+def test_frames_of_another_size_are_scaled(tmp_path):
+    with VideoWriter(tmp_path / "v.mp4", 25, (64, 48)) as writer:
+        writer.write(np.zeros((48, 64, 3), np.uint8))
+        writer.write(np.zeros((99, 31, 3), np.uint8))
+    with open_source(tmp_path / "v.mp4") as source:
+        assert [frame.image.shape for frame in source] == [(48, 64, 3)] * 2
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
+def test_what_was_written_before_an_exception_is_finished(tmp_path, error):
+    path = tmp_path / "v.mp4"
+    with pytest.raises(error), VideoWriter(path, 25, (64, 48)) as writer:
+        for _ in range(3):
+            writer.write(np.zeros((48, 64, 3), np.uint8))
+        raise error
+    with open_source(path) as source:
+        assert len(list(source)) == 3
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_nothing_appears_under_the_name_before_the_end_and_nothing_without_frames(tmp_path):
+    path = tmp_path / "v.mp4"
+    path.write_bytes(b"an older file")
+    with VideoWriter(path, 25, (64, 48)) as writer:
+        writer.write(np.zeros((48, 64, 3), np.uint8))
+        assert path.read_bytes() == b"an older file"
+    assert path.read_bytes() != b"an older file"
+    with VideoWriter(tmp_path / "none.mp4", 25, (64, 48)):
+        pass
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    ("name", "fps", "size", "message"),
+    [
+        ("v.avi", 25, (64, 48), r"does not end in \.mp4"),
+        ("v.mp4", 0, (64, 48), "unusable"),
+        ("v.mp4", 25, (0, 48), "unusable"),
+    ],
+)
+def test_unusable_arguments_are_refused(tmp_path, name, fps, size, message):
+    with pytest.raises(ValueError, match=message):
+        VideoWriter(tmp_path / name, fps, size)
