@@ -42,8 +42,8 @@ class SimulationConfig:
     room: tuple[float, float] = (2.0, 7.0)
     speed: tuple[float, float] = (0.005, 0.35)
     turning: float = 0.35
-    scaling: float = 0.03
-    stretching: float = 0.02
+    scaling: float = 0.035
+    stretching: float = 0.035
     spinning: float = 0.03
     camera: tuple[float, float] = (0.003, 0.2)
     occluders: float = 1.0

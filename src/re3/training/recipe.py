@@ -36,6 +36,7 @@ class CropNoise:
     Attributes:
         drift: shift of the box that both crops are cut at, when it is the truth.
         drift_scale: likewise, of the log of its width and height.
+        drift_limit, drift_scale_limit: largest of each.
         jump: extra shift of the current crop alone, as if the camera had moved.
         jump_scale: likewise, of the log of its width and height.
         jump_limit: largest extra shift; at 3x context the object is then just inside the crop.
@@ -45,8 +46,10 @@ class CropNoise:
             which the score learns what failure looks like.
     """
 
-    drift: float = 0.05
-    drift_scale: float = 0.04
+    drift: float = 0.07
+    drift_scale: float = 0.1
+    drift_limit: float = 0.4
+    drift_scale_limit: float = 0.7
     jump: float = 0.22
     jump_scale: float = 0.05
     jump_limit: float = 1.0

@@ -137,11 +137,15 @@ def _regions(
     n = len(boxes)
     at = geometry.convert(boxes, "xyxy", "cxcywh")
     at[:, 2:] = np.maximum(at[:, 2:], geometry.SMALLEST_SIDE)
-    strength = np.where(own, 0.0, 1.0) if t > 0 else np.full(n, 0.3)
-    shift = np.clip(rng.laplace(0, noise.drift, (n, 2)), -0.3, 0.3) * strength[:, None]
-    growth = np.clip(rng.laplace(0, noise.drift_scale, (n, 2)), -0.25, 0.25) * strength[:, None]
-    at[:, :2] += shift * at[:, 2:]
-    at[:, 2:] *= np.exp(growth)
+    # A given box is nearly right. Own predictions set out from a box that is a little off, so that
+    # finding back is learnt over several steps, and are on their own after that.
+    strength = np.full(n, 0.1) if t == 0 else np.where(own, 0.5 * (t == 1), 1.0)
+    shift = np.clip(rng.laplace(0, noise.drift, (n, 2)), -noise.drift_limit, noise.drift_limit)
+    growth = np.clip(
+        rng.laplace(0, noise.drift_scale, (n, 2)), -noise.drift_scale_limit, noise.drift_scale_limit
+    )
+    at[:, :2] += shift * strength[:, None] * at[:, 2:]
+    at[:, 2:] *= np.exp(growth * strength[:, None])
     looked = geometry.convert(at, "cxcywh", "xyxy")
     if t > 0:
         jumps = (rng.random(n) < np.where(own, noise.jumps_own, noise.jumps))[:, None]

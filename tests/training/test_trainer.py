@@ -1,0 +1,144 @@
+"""Roll-outs and the training loop on a tiny network and drawn clips."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from re3.geometry import decode, search_region
+from re3.network.re3_lite import LiteConfig, Re3Lite
+from re3.training.features import FrozenTrunk
+from re3.training.recipe import CropNoise, Phase, Recipe
+from re3.training.rollout import roll_out
+from re3.training.trainer import Trainer, TrainingError
+
+TINY = LiteConfig(fully_connected=16, lstm_units=8, fused=8, embedding=8, correlation=4)
+QUIET = CropNoise(drift=0, drift_scale=0, jump=0, jump_scale=0, jumps=0, jumps_own=0, blind=0)
+RECIPE = Recipe(
+    phases=(Phase(2, 2, 0.0, 2), Phase(3, 2, 1.0, 2)), warm_up=1, average=0.5, learning_rate=3e-3
+)
+
+
+def tiny_network():
+    torch.manual_seed(0)
+    return Re3Lite(TINY).eval()
+
+
+@pytest.fixture(scope="module")
+def trunks():
+    network = tiny_network()
+    return FrozenTrunk(network, 128, 2), FrozenTrunk(network, 192, 2)
+
+
+def roll(sampler, own, trunks, network=None, noise=QUIET, steps=4):
+    clips = [sampler.sample(steps, np.random.default_rng(s)) for s in range(len(own))]
+    network = network or tiny_network()
+    with ThreadPoolExecutor(2) as pool:
+        rng = np.random.default_rng(0)
+        return clips, roll_out(clips, np.array(own), network.head, trunks, noise, rng, pool)
+
+
+def test_the_frozen_trunk_equals_torch(trunks):
+    network = tiny_network()
+    crops = np.random.default_rng(0).integers(0, 256, (11, 128, 128, 3), dtype=np.uint8)
+    with torch.no_grad():
+        expected = network.features(torch.from_numpy(crops))
+    for got, wanted in zip(trunks[0](crops), expected, strict=True):
+        np.testing.assert_allclose(got, wanted, atol=1e-4)
+
+
+def test_crops_at_the_truth_have_the_motion_as_target(sampler, trunks):
+    clips, rollout = roll(sampler, [False, False], trunks)
+    targets = rollout.targets.reshape(4, 2, 4).numpy()
+    for n, clip in enumerate(clips):
+        for t in range(4):
+            region = search_region(clip.boxes_xyxy[max(t - 1, 0)], TINY.current.context)
+            found = decode(targets[t, n], region)
+            np.testing.assert_allclose(found, clip.boxes_xyxy[t], atol=1e-3)
+
+
+def test_own_predictions_move_the_crops(sampler, trunks):
+    network = tiny_network()
+    with torch.no_grad():  # a network that always sees the object a little further right
+        network.head.residual.bias.copy_(torch.tensor([-1.6667, -1.6667, 1.6667, 1.6667]) + 0.3)
+    clips, rollout = roll(sampler, [True, False], trunks, network)
+    targets = rollout.targets.reshape(4, 2, 4).numpy()
+    for n, moves in ((0, True), (1, False)):
+        at_truth = search_region(clips[n].boxes_xyxy[2], TINY.current.context)
+        error = np.abs(decode(targets[3, n], at_truth) - clips[n].boxes_xyxy[3]).max()
+        assert (error > 0.2) == moves
+
+
+def test_a_hopeless_prediction_is_put_back_on_the_truth(sampler, trunks):
+    network = tiny_network()
+    with torch.no_grad():
+        network.head.residual.bias.copy_(torch.tensor([90.0, 90.0, 99.0, 99.0]))
+    _, rollout = roll(sampler, [True, True], trunks, network)
+    assert rollout.has_box.all() or rollout.put_back > 0
+
+
+def test_blind_crops_have_no_box(sampler, trunks):
+    _, rollout = roll(sampler, [False] * 3, trunks, noise=replace(QUIET, blind=1.0))
+    has_box = rollout.has_box.reshape(4, 3)
+    assert has_box[0].all()
+    assert not has_box[1:].any()
+
+
+def make(sampler, folder, recipe=RECIPE):
+    return Trainer(tiny_network(), sampler, recipe, folder)
+
+
+def weights(trainer):
+    return torch.cat([p.detach().flatten() for p in trainer.network.head.parameters()])
+
+
+def test_a_resumed_run_equals_an_uninterrupted_one(sampler, tmp_path):
+    whole = make(sampler, tmp_path / "whole")
+    whole.train()
+
+    class Stop(Exception):
+        pass
+
+    def stop(progress):
+        if progress.iteration == 3:
+            raise Stop
+
+    first = make(sampler, tmp_path / "parts")
+    with pytest.raises(Stop):
+        first.train(stop, checkpoint_seconds=0)  # killed after a checkpoint at iteration 2
+    second = make(sampler, tmp_path / "parts")
+    assert second.iteration == 2
+    second.train()
+    np.testing.assert_allclose(weights(second), weights(whole), atol=1e-6)
+
+
+def test_training_learns(sampler, tmp_path):
+    losses = []
+    recipe = replace(RECIPE, phases=(Phase(2, 4, 0.0, 30),), warm_up=5)
+    make(sampler, tmp_path, recipe).train(lambda p: losses.append(p.loss))
+    assert np.mean(losses[-5:]) < 0.9 * np.mean(losses[:5])
+
+
+def test_the_best_weights_by_validation_are_kept(sampler, tmp_path):
+    trainer = make(sampler, tmp_path)
+    figures = iter([{"AUC": 0.5}, {"AUC": 0.7}, {"AUC": 0.6}, {"AUC": 0.1}])
+    trainer.train(validate=lambda network: next(figures), validation_seconds=-1.0)
+    best = torch.load(tmp_path / "best.pt", weights_only=True)
+    assert best["figures"] == {"AUC": 0.7}
+
+
+def test_a_loss_that_is_not_finite_stops(sampler, tmp_path):
+    trainer = make(sampler, tmp_path)
+    with torch.no_grad():
+        trainer.network.head.residual.bias.fill_(torch.nan)
+    with pytest.raises(TrainingError, match="loss is nan at iteration 0"):
+        trainer.train()
+
+
+def test_a_checkpoint_of_another_model_is_refused(sampler, tmp_path):
+    make(sampler, tmp_path).save()
+    other = Re3Lite(replace(TINY, lstm_units=12))
+    with pytest.raises(TrainingError, match="does not fit this model"):
+        Trainer(other, sampler, RECIPE, tmp_path)
