@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import av
+import cv2
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -66,9 +67,9 @@ def test_track_writes_video_and_results(tmp_path):
 
 
 def test_results_on_standard_output_are_nothing_but_csv():
+    command = f"--box {BOX} --object table=440,80,146,260 --start-frame 3 --max-frames 4"
     done = subprocess.run(
-        [sys.executable, "-m", "re3", "track", CLIP, "--box", BOX, "--results", "-"]
-        + ["--object", "table=440,80,146,260", "--start-frame", "3", "--max-frames", "4"],
+        [sys.executable, "-m", "re3", "track", CLIP, *command.split(), "--results", "-"],
         capture_output=True,
         text=True,
         check=True,
@@ -85,11 +86,9 @@ def test_ctrl_c_finishes_the_files_and_says_how_many_frames(tmp_path):
         for index in range(1500):
             writer.write(np.full((240, 320, 3), index % 250, np.uint8))
     out, boxes = tmp_path / "o.mp4", tmp_path / "b.csv"
+    command = ["track", clip, "--box", "50,50,80,80", "--out", out, "--results", boxes]
     process = subprocess.Popen(
-        [sys.executable, "-m", "re3", "track", clip, "--box", "50,50,80,80"]
-        + ["--out", out, "--results", boxes],
-        stderr=subprocess.PIPE,
-        text=True,
+        [sys.executable, "-m", "re3", *command], stderr=subprocess.PIPE, text=True
     )
     deadline = time.monotonic() + 60
     while not list(tmp_path.glob(".o.mp4.*")) and time.monotonic() < deadline:
@@ -112,10 +111,7 @@ def test_a_source_that_breaks_keeps_what_was_tracked(tmp_path):
     with open_source(CLIP) as source:
         for frame in source:
             if frame.index < 4:
-                re3_path = frames / f"{frame.index}.png"
-                import cv2
-
-                cv2.imwrite(str(re3_path), frame.image)
+                cv2.imwrite(str(frames / f"{frame.index}.png"), frame.image)
     (frames / "2.png").write_bytes(b"broken")
     result = run("track", frames, "--box", BOX, "--results", tmp_path / "b.csv")
     assert result.exit_code == 1

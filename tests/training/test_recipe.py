@@ -10,9 +10,7 @@ def test_the_curriculum_is_the_papers():
     assert [phase.own for phase in phases] == [0.0, 0.25, 0.5, 0.75, 0.75]
 
 
-@pytest.mark.parametrize(
-    ("iteration", "unroll"), [(0, 2), (9, 2), (10, 4), (14, 4)]
-)
+@pytest.mark.parametrize(("iteration", "unroll"), [(0, 2), (9, 2), (10, 4), (14, 4)])
 def test_phase_at(iteration, unroll):
     recipe = Recipe(phases=(Phase(2, 64, 0.0, 10), Phase(4, 32, 0.25, 5)))
     assert recipe.phase_at(iteration)[1].unroll == unroll

@@ -1,4 +1,7 @@
 from fractions import Fraction
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from threading import Thread
 
 import av
 import cv2
@@ -94,13 +97,22 @@ def _write(path, content):
 
 
 def test_a_start_past_the_end_is_refused(clip, tmp_path):
-    with pytest.raises(SourceError, match="no frame 20; it ends before, after 20 frames"):
+    with pytest.raises(SourceError, match=r"no frame 20; it ends before, after 20 frames"):
         open_source(clip, start_frame=20)
     with pytest.raises(SourceError, match="start frame is -1"):
         open_source(clip, start_frame=-1)
     cv2.imwrite(str(tmp_path / "a.png"), np.zeros((4, 4, 3), np.uint8))
-    with pytest.raises(SourceError, match="no frame 3.*1 images"):
+    with pytest.raises(SourceError, match=r"no frame 3.*1 images"):
         open_source(str(tmp_path / "*.png"), start_frame=3)
+
+
+def test_a_stream_over_http(clip):
+    handler = partial(SimpleHTTPRequestHandler, directory=str(clip.parent))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        with open_source(f"http://127.0.0.1:{server.server_port}/clip.mp4") as source:
+            assert numbers(source) == [(i, i) for i in range(20)]
+        server.shutdown()
 
 
 def test_no_camera_is_said_clearly():

@@ -13,6 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 from rich.progress import Progress as ProgressBar
 from rich.table import Table
 
+from re3.apps.console import failed
 from re3.data.plain import read_folder
 from re3.data.sequence import Sequence
 from re3.evaluation.environment import Environment
@@ -127,8 +128,7 @@ def evaluate(
         _show(report)
         _write(report, out, json_file)
     except (ValueError, OSError) as error:
-        Console(stderr=True).print(f"error: {error}", style="red", markup=False, highlight=False)
-        raise typer.Exit(2) from error
+        raise failed(error) from error
 
 
 def _asked(trackers: list[str], model: str | None) -> list[str]:

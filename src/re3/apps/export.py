@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
+
+from re3.apps.console import failed, stderr
 
 
 def export(
@@ -24,18 +25,13 @@ def export(
 
         re3 export runs/mine/re3-lite.safetensors mine.onnx
     """
-    console = Console(stderr=True)
     try:
         from re3.network.export import export_onnx
         from re3.network.weights import load_network
 
         export_onnx(load_network(weights), out, half_weights=half)
     except ImportError as error:
-        console.print(
-            f"error: export needs torch and onnx ({error}): pip install 're3[train]'", markup=False
-        )
-        raise typer.Exit(2) from error
+        raise failed(f"export needs torch and onnx ({error}): pip install 're3[train]'") from error
     except (OSError, ValueError) as error:
-        console.print(f"error: {error}", style="red", markup=False, highlight=False)
-        raise typer.Exit(2) from error
-    console.print(f"{out}: {out.stat().st_size / 1e6:.1f} MB", markup=False)
+        raise failed(error) from error
+    stderr().print(f"{out}: {out.stat().st_size / 1e6:.1f} MB", markup=False)

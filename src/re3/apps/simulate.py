@@ -7,7 +7,8 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from rich.console import Console
+
+from re3.apps.console import failed, stderr
 
 
 def simulate(
@@ -39,7 +40,6 @@ def simulate(
     from re3.result import Result, Status
     from re3.video import VideoWriter, draw_results
 
-    console = Console(stderr=True)
     try:
         scene = simulate_scene(read_stills(stills), frames, np.random.default_rng(seed))
         scale = width / scene.size[0]
@@ -57,9 +57,8 @@ def simulate(
         text = "".join(",".join(f"{v:.2f}" for v in box) + "\n" for box in boxes)
         out.with_suffix(".txt").write_text(text, encoding="utf-8")
     except (OSError, ValueError) as error:
-        console.print(f"error: {error}", style="red", markup=False, highlight=False)
-        raise typer.Exit(2) from error
-    console.print(
+        raise failed(error) from error
+    stderr().print(
         f"{out}: {frames} frames of {width} x {height}; boxes in {out.with_suffix('.txt')}",
         markup=False,
     )

@@ -14,6 +14,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
+from re3.apps.console import INTERRUPTED, failed, stderr
 from re3.engine import ENGINES
 from re3.models import DEFAULT_MODEL
 from re3.result import Result
@@ -28,11 +29,6 @@ from re3.video import (
     open_results,
     open_source,
 )
-
-INTERRUPTED = 130
-"""Exit code after Ctrl-C, as shells have it."""
-
-WRONG_INPUT = 2
 
 Box = tuple[float, float, float, float]
 
@@ -190,7 +186,7 @@ def track(
 
         re3 track shots/ --object car=10,20,80,40 --object dog=200,90,40,50 --results -
     """
-    console = Console(stderr=True)
+    console = stderr()
     try:
         outcome, written = _run(
             console,
@@ -204,8 +200,7 @@ def track(
             results,
         )
     except (ImportError, OSError, ValueError) as error:
-        console.print(f"error: {error}", style="red", markup=False, highlight=False)
-        raise typer.Exit(WRONG_INPUT) from error
+        raise failed(error) from error
     _summarise(console, outcome, written)
     if outcome.interrupted:
         raise typer.Exit(INTERRUPTED)
@@ -265,7 +260,7 @@ def _run(
 
 def _summarise(console: Console, outcome: Tracked, written: list[Path]) -> None:
     def say(text: str, style: str | None = None) -> None:
-        console.print(text, style=style, markup=False, highlight=False, soft_wrap=True)
+        console.print(text, style=style, markup=False)
 
     if outcome.interrupted:
         say(f"stopped by Ctrl-C after {outcome.frames} frames", "yellow")

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import json
-import sys
 import tempfile
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,6 +13,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from re3.apps.console import INTERRUPTED, failed, stderr
 
 if TYPE_CHECKING:
     from re3.data.sampling import ClipSampler
@@ -96,10 +97,11 @@ def train(
         from re3.training.recipe import FROZEN_TRUNK
         from re3.training.trainer import Trainer, TrainingError
     except ImportError as error:
-        raise _stop(
+        raise failed(
             f"training needs more than tracking does ({error}): pip install 're3[train]'"
         ) from error
-    console = Console(stderr=True)
+    console = stderr()
+    trainer: Trainer | None = None
     try:
         torch.manual_seed(seed)
         network = build(model) if init is None else load_network(init)
@@ -109,9 +111,8 @@ def train(
             )
         if init is None:
             _load_trunk(network)
-        sampler = _sampler(data, set(exclude or []), out)
-        recipe = FROZEN_TRUNK.scaled(length)
-        recipe = type(recipe)(**{**vars(recipe), "seed": seed})
+        sampler = _sampler(data, set(exclude or []))
+        recipe = replace(FROZEN_TRUNK.scaled(length), seed=seed)
         trainer = Trainer(network, sampler, recipe, out, threads)
         (out / "recipe.json").write_text(json.dumps(asdict(recipe), indent=2) + "\n")
         console.print(
@@ -124,18 +125,21 @@ def train(
         export_onnx(trainer.average, out / f"{model}.onnx")
         save_weights(trainer.average, out / f"{model}.safetensors", half=True)
     except KeyboardInterrupt:
-        trainer.save()
-        console.print(f"stopped at iteration {trainer.iteration}; run the same command to go on")
-        raise typer.Exit(130) from None
+        if trainer is not None:
+            trainer.save()
+            console.print(
+                f"stopped at iteration {trainer.iteration}; run the same command to go on"
+            )
+        raise typer.Exit(INTERRUPTED) from None
     except (OSError, ValueError, TrainingError) as error:
-        raise _stop(str(error)) from error
+        raise failed(error) from error
     console.print(
         f"trained: {out / f'{model}.onnx'}; track with: re3 track CLIP --box X,Y,W,H "
         f"--model {out / f'{model}.onnx'}"
     )
 
 
-def _sampler(folders: list[Path], exclude: set[str], out: Path) -> ClipSampler:
+def _sampler(folders: list[Path], exclude: set[str]) -> ClipSampler:
     from re3.data.frame_store import FrameStore
     from re3.data.plain import read_folder
     from re3.data.sampling import ClipSampler
@@ -249,8 +253,3 @@ class _Report:
         if not self.console.is_terminal and time.monotonic() - self.logged > LOG_SECONDS:
             self.logged = time.monotonic()
             self.console.print(f"{progress.iteration}/{progress.iterations} {text}")
-
-
-def _stop(message: str) -> typer.Exit:
-    print(f"error: {message}", file=sys.stderr)  # noqa: T201
-    return typer.Exit(2)
