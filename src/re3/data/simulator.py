@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from re3 import geometry
+from re3.data.scene import Layer, Scene
 from re3.data.stills import Still
 from re3.geometry import Floats
 
@@ -55,155 +55,6 @@ class SimulationConfig:
 
 FINEST_PIXELS = 110.0
 """Layers are kept at no more pixels per object: crops show the object at 64."""
-
-
-@dataclass(frozen=True, eq=False)
-class Layer:
-    """A picture on an affine path.
-
-    Attributes:
-        image: uint8 `[h, w, 3]` BGR.
-        alpha: uint8 `[h, w]`, or None for the background, which is reflected at its borders.
-        paths: float64 `[T, 2, 3]`, picture to scene, in pixel-corner coordinates.
-        hull: float64 `[N, 2]`, convex hull of the opaque part in the picture.
-    """
-
-    image: NDArray[np.uint8]
-    alpha: NDArray[np.uint8] | None
-    paths: Floats
-    hull: Floats
-
-    def boxes_xyxy(self) -> Floats:
-        """Box of the opaque part in every frame, `[T, 4]` in scene pixels."""
-        points = np.einsum("tij,nj->tni", self.paths[:, :, :2], self.hull)
-        points += self.paths[:, None, :, 2]
-        return np.concatenate([points.min(axis=1), points.max(axis=1)], axis=1)
-
-
-class Scene:
-    """A simulated clip; see `re3.data.clip.Clip`.
-
-    Args:
-        size: width and height of the scene in pixels.
-        layers: from back to front, the background first.
-        target: index of the object's layer.
-        fill: BGR colour outside the scene.
-    """
-
-    def __init__(
-        self,
-        size: tuple[int, int],
-        layers: list[Layer],
-        target: int,
-        fill: tuple[float, float, float],
-    ) -> None:
-        self.size = size
-        self.layers = layers
-        self.target = target
-        self.fill = fill
-        self.boxes_xyxy = _inside(layers[target].boxes_xyxy(), size)
-        self.visible = np.array([self._visible(t) for t in range(len(self.boxes_xyxy))])
-
-    def crop(self, frame: int, region_xyxy: ArrayLike, size: int) -> NDArray[np.uint8]:
-        return self.render(frame, region_xyxy, size, size)
-
-    def render(
-        self, frame: int, region_xyxy: ArrayLike, width: int, height: int
-    ) -> NDArray[np.uint8]:
-        """A region of a frame as uint8 `[height, width, 3]` BGR."""
-        region = np.asarray(region_xyxy, dtype=np.float64)
-        scene_to_crop = geometry.crop_transform(region, width, height)
-        canvas = self._background(frame, scene_to_crop, width, height)
-        for layer in self.layers[1:]:
-            _blend(canvas, layer, _to_crop(layer.paths[frame], scene_to_crop))
-        self._blank_outside(canvas, region)
-        return canvas
-
-    def _background(
-        self, frame: int, scene_to_crop: Floats, width: int, height: int
-    ) -> NDArray[np.uint8]:
-        layer = self.layers[0]
-        return cv2.warpAffine(
-            layer.image,
-            _to_crop(layer.paths[frame], scene_to_crop),
-            (width, height),
-            flags=cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_REFLECT,
-        )
-
-    def _blank_outside(self, canvas: NDArray[np.uint8], region: Floats) -> None:
-        height, width = canvas.shape[:2]
-        scale = np.array([width, height]) / (region[2:] - region[:2])
-        low = np.round((0 - region[:2]) * scale).astype(int)
-        high = np.round((np.array(self.size) - region[:2]) * scale).astype(int)
-        canvas[: max(low[1], 0)] = self.fill
-        canvas[max(high[1], 0) :] = self.fill
-        canvas[:, : max(low[0], 0)] = self.fill
-        canvas[:, max(high[0], 0) :] = self.fill
-
-    def _visible(self, frame: int) -> float:
-        """Share of the object that no occluder hides, on a grid of 24 x 24 over its box."""
-        if np.isnan(self.boxes_xyxy[frame, 0]):
-            return 0.0
-        side = 24
-        scene_to_grid = geometry.crop_transform(self.boxes_xyxy[frame], side, side)
-        hidden = np.zeros((side, side), dtype=np.uint8)
-        opaque = hidden
-        for index, layer in enumerate(self.layers[self.target :]):
-            assert layer.alpha is not None, "only the background has no alpha"
-            cover = cv2.warpAffine(
-                layer.alpha, _to_crop(layer.paths[frame], scene_to_grid), (side, side)
-            )
-            if index == 0:
-                opaque = cover
-            else:
-                hidden = np.maximum(hidden, cover)
-        total = float((opaque > 127).sum())
-        return float(((opaque > 127) & (hidden <= 127)).sum()) / total if total else 0.0
-
-
-LEAST_INSIDE = 0.15
-"""An object of which less than this share is inside the scene counts as absent."""
-
-
-def _inside(boxes_xyxy: Floats, size: tuple[int, int]) -> Floats:
-    """Boxes cut at the border, as benchmarks annotate them; NaN where too little is left."""
-    inside = np.clip(boxes_xyxy, 0.0, np.array([*size, *size]))
-    share = np.prod(inside[:, 2:] - inside[:, :2], axis=1)
-    share /= np.prod(boxes_xyxy[:, 2:] - boxes_xyxy[:, :2], axis=1)
-    return np.where(share[:, None] < LEAST_INSIDE, np.nan, inside)
-
-
-def _to_crop(path: Floats, scene_to_crop: Floats) -> Floats:
-    """Compose picture -> scene (pixel corners) with scene -> crop (OpenCV's pixel centres)."""
-    # A picture's pixel centre 0 lies at corner coordinate 0.5; the scene's likewise.
-    matrix = path[:, :2]
-    offset = path[:, 2] + matrix @ np.array([0.5, 0.5]) - 0.5
-    return np.column_stack(
-        [
-            scene_to_crop[:, :2] @ matrix,
-            scene_to_crop[:, :2] @ offset + scene_to_crop[:, 2],
-        ]
-    )
-
-
-def _blend(canvas: NDArray[np.uint8], layer: Layer, transform: Floats) -> None:
-    """Draw a layer on the canvas, working on the rectangle it touches only."""
-    assert layer.alpha is not None, "the background is not blended"
-    height, width = layer.alpha.shape
-    corners = np.array([[0, 0], [width, 0], [0, height], [width, height]], dtype=np.float64)
-    points = corners @ transform[:, :2].T + transform[:, 2]
-    low = np.maximum(np.floor(points.min(axis=0)).astype(int) - 1, 0)
-    high = np.minimum(np.ceil(points.max(axis=0)).astype(int) + 1, canvas.shape[1::-1])
-    if (high <= low).any():
-        return
-    local = transform.copy()
-    local[:, 2] -= low
-    size = (int(high[0] - low[0]), int(high[1] - low[1]))
-    image = cv2.warpAffine(layer.image, local, size, borderMode=cv2.BORDER_REPLICATE)
-    alpha = cv2.warpAffine(layer.alpha, local, size)[:, :, None].astype(np.uint16)
-    part = canvas[low[1] : high[1], low[0] : high[0]]
-    part[:] = ((image * alpha + part * (255 - alpha) + 127) // 255).astype(np.uint8)
 
 
 def simulate(
