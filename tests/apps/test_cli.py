@@ -105,6 +105,50 @@ def test_ctrl_c_finishes_the_files_and_says_how_many_frames(tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["b.csv", "long.mp4", "o.mp4"]
 
 
+def test_a_reader_that_goes_away_ends_the_run_quietly(tmp_path):
+    out = tmp_path / "o.mp4"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "re3", "track", CLIP, "--box", BOX, "--results", "-", "--out", out],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout.readline().startswith("frame,")
+    process.stdout.close()
+    err = process.stderr.read()
+    process.stderr.close()
+    assert process.wait(timeout=60) == 141
+    assert err == ""
+    with open_source(out) as source:
+        assert 0 < len(list(source)) < source.frame_count + 1
+
+
+def test_an_error_is_one_line(tmp_path):
+    result = run("track", tmp_path / ("long" * 40), "--box", BOX)
+    assert len(result.output.splitlines()) == 1
+
+
+def test_nothing_slow_is_loaded_for_help():
+    code = "import sys, re3.apps.cli; sys.exit('torch' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_a_file_that_ends_early_is_noted(tmp_path):
+    clip = tmp_path / "clip.avi"
+    random = np.random.default_rng(0)
+    with av.open(str(clip), "w") as container:
+        stream = container.add_stream("mpeg4", rate=25)
+        stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p"
+        for _ in range(30):
+            image = random.integers(0, 255, (48, 64, 3), np.uint8)
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="bgr24")))
+        container.mux(stream.encode())
+    clip.write_bytes(clip.read_bytes()[: clip.stat().st_size // 2])
+    result = run("track", clip, "--box", "10,10,20,20")
+    assert result.exit_code == 0
+    assert "frames more than it gave; is it complete?" in result.output
+
+
 def test_a_source_that_breaks_keeps_what_was_tracked(tmp_path):
     frames = tmp_path / "frames"
     frames.mkdir()

@@ -84,6 +84,16 @@ def test_a_spoilt_annotation_names_file_and_line(clips):
     assert "patch.txt, line 2" in " ".join(result.stderr.split())
 
 
+def test_an_interrupted_run_says_how_to_go_on(clips, tmp_path, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("re3.apps.evaluate.run", interrupted)
+    result = invoke(clips, "-t", "first-box", "--out", tmp_path / "out")
+    assert result.exit_code == 130
+    assert "go on with --resume" in result.stderr
+
+
 def test_the_trackers_known_are_listed():
     result = invoke("--list")
     assert result.exit_code == 0

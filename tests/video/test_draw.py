@@ -60,3 +60,18 @@ def test_boxes_anywhere_are_drawn_with_their_label_inside(box):
 def test_a_long_or_foreign_name_does_not_fail():
     image = np.zeros((60, 80, 3), np.uint8)
     draw_results(image, [result(name="ein sehr langer Name für ein Objekt" * 3)])
+
+
+def test_a_label_is_not_crossed_by_another_box():
+    image = np.zeros((200, 200, 3), np.uint8)
+    first = result((60, 80, 60, 60), name="first")
+    alone = draw_results(image, [first])
+    both = draw_results(image, [first, result((50, 40, 100, 100), object_id=2, name="x")])
+    top = 80 - 12  # the label of the first lies above its box
+    assert (both[top:80, 60:90] == alone[top:80, 60:90]).all()
+
+
+def test_the_box_is_drawn_on_its_own_pixels():
+    drawn = draw_results(np.zeros((200, 200, 3), np.uint8), [result((100, 100, 50, 40))])
+    rows, columns = np.nonzero((drawn[100:, 100:] == PALETTE[0]).all(axis=2))
+    assert (rows.max() + 1, columns.max() + 1) == (40, 50)

@@ -1,5 +1,7 @@
 import csv
+import io
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -65,6 +67,62 @@ def test_otb_text_of_several_objects(tmp_path):
     assert sorted(tmp_path.iterdir()) == sorted(written)
 
 
+def test_otb_text_of_objects_that_come_and_go_has_a_line_a_frame(tmp_path):
+    write(tmp_path / "r.txt", [CAR], [CAR, DOG], [DOG])
+    absent, car = "nan,nan,nan,nan", "1.500,2.000,30.250,40.000"
+    assert (tmp_path / "r-car.txt").read_text().splitlines() == [car, car, absent]
+    dog = (tmp_path / "r-dog___cat.txt").read_text().splitlines()
+    assert dog == [absent, *["5.000,6.000,7.000,8.000"] * 2]
+
+
+def test_otb_text_of_names_that_look_alike_in_a_file_name(tmp_path):
+    alike = [replace(CAR, name=name) for name in ("a b", "a/b")]
+    written = write(tmp_path / "r.txt", alike).paths
+    assert [path.name for path in written] == ["r-a_b.txt", "r-a_b_.txt"]
+    assert all(path.is_file() for path in written)
+
+
+@pytest.mark.parametrize("name", ["r.csv", "r.txt"])
+def test_two_objects_of_one_label_are_refused_and_leave_no_row(tmp_path, name):
+    with open_results(tmp_path / name) as writer:
+        writer.write(0, 0.0, [CAR])
+        with pytest.raises(ValueError, match="frame 1 has objects of the same label: car, car"):
+            writer.write(1, 0.04, [CAR, replace(CAR, object_id=2)])
+    assert "1" not in [line.split(",")[0] for line in (tmp_path / name).read_text().splitlines()]
+
+
+def test_json_of_frames_without_objects_is_json(tmp_path):
+    write(tmp_path / "r.json", [], [])
+    assert json.loads((tmp_path / "r.json").read_text()) == []
+
+
+def test_an_older_file_stays_until_the_new_one_is_complete(tmp_path):
+    path = tmp_path / "r.csv"
+    path.write_text("older")
+    with open_results(path):
+        pass
+    assert path.read_text() == "older"
+    with open_results(path) as writer:
+        writer.write(0, 0.0, [CAR])
+        assert path.read_text() == "older"
+    assert path.read_text().startswith("frame,")
+
+
+def test_a_reader_of_standard_output_gets_each_frame_at_once(monkeypatch):
+    class Pipe(io.StringIO):
+        flushed = ""
+
+        def flush(self):
+            self.flushed = self.getvalue()
+
+    pipe = Pipe()
+    monkeypatch.setattr("sys.stdout", pipe)
+    with open_results("-") as writer:
+        for index in range(2):
+            writer.write(index, 0.0, [CAR])
+            assert len(pipe.flushed.splitlines()) == 2 + index
+
+
 def test_standard_output_has_nothing_but_the_rows(capsys):
     write("-", [CAR])
     out, err = capsys.readouterr()
@@ -94,3 +152,9 @@ def test_no_file_without_frames(tmp_path, name):
 def test_an_unknown_ending_is_refused(tmp_path, name):
     with pytest.raises(ValueError, match=r"expected one of \.csv, \.jsonl, \.json, \.txt"):
         open_results(tmp_path / name)
+
+
+def test_a_folder_is_refused(tmp_path):
+    (tmp_path / "r.csv").mkdir()
+    with pytest.raises(ValueError, match="is a folder"):
+        open_results(tmp_path / "r.csv")

@@ -1,7 +1,10 @@
+import functools
+import http.server
+import re
+import socket
+import threading
 from fractions import Fraction
-from functools import partial
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
-from threading import Thread
+from pathlib import Path
 
 import av
 import cv2
@@ -22,6 +25,17 @@ def clip(tmp_path):
     with VideoWriter(path, Fraction(30000, 1001), (64, 48)) as writer:
         for index in range(20):
             writer.write(np.full((48, 64, 3), level(index), np.uint8))
+    return path
+
+
+@pytest.fixture
+def noise(tmp_path):
+    """A clip that cannot be compressed to nothing, so that damage hits frames."""
+    path = tmp_path / "noise.mp4"
+    random = np.random.default_rng(0)
+    with VideoWriter(path, 25, (64, 48)) as writer:
+        for _ in range(40):
+            writer.write(random.integers(0, 255, (48, 64, 3), np.uint8))
     return path
 
 
@@ -55,6 +69,137 @@ def test_images_come_in_natural_order_and_may_differ_in_size(tmp_path):
         assert frames[1].timestamp == pytest.approx(1 / 30)
 
 
+def test_images_of_one_folder_stay_together_and_hidden_files_are_left_out(tmp_path):
+    for folder, index in (("b", 1), ("a", 10), ("a", 9)):
+        (tmp_path / folder).mkdir(exist_ok=True)
+        image = np.full((8, 8, 3), index, np.uint8)
+        cv2.imwrite(str(tmp_path / folder / f"{index}.png"), image)
+    (tmp_path / "a" / "._9.png").write_bytes(b"what a file manager leaves behind")
+    (tmp_path / "a" / "Thumbs.db").write_bytes(b"another")
+    with open_source(str(tmp_path / "*" / "*")) as source:
+        assert [int(frame.image[0, 0, 0]) for frame in source] == [9, 10, 1]
+    with open_source(tmp_path / "a") as source:
+        assert source.frame_count == 2
+
+
+def test_digits_are_a_camera_but_a_path_of_digits_is_a_path(tmp_path, monkeypatch):
+    (tmp_path / "97").mkdir()
+    cv2.imwrite(str(tmp_path / "97" / "1.png"), np.zeros((8, 8, 3), np.uint8))
+    monkeypatch.chdir(tmp_path)
+    with open_source(Path("97")) as source:
+        assert source.frame_count == 1
+    with pytest.raises(SourceError, match="camera 97"):
+        open_source("97")
+
+
+def test_a_source_is_walked_once_and_gives_nothing_when_closed(clip):
+    with open_source(clip) as source:
+        walked = iter(source)
+        assert next(walked).index == 0
+        assert next(walked).index == 1
+    assert list(walked) == []
+    assert list(source) == []
+
+
+@pytest.mark.parametrize("kind", ["noise", "cut"])
+def test_a_broken_video_gives_the_frames_before_and_then_says_where(noise, kind):
+    data = bytearray(noise.read_bytes())
+    middle = len(data) // 2
+    if kind == "noise":
+        data[middle : middle + 3000] = bytes(i * 37 % 256 for i in range(3000))
+    else:
+        del data[middle:]
+    noise.write_bytes(data)
+    given = []
+    with open_source(noise) as source, pytest.raises(SourceError, match="is broken after") as error:
+        given += [frame.index for frame in source]
+    with open_source(noise) as source, pytest.raises(SourceError):
+        for frame in source:
+            given.append(frame.index)
+    assert given == list(range(len(given)))
+    assert 5 < len(given) < 40
+    assert f"after frame {given[-1]}: " in str(error.value)
+    assert f"; {len(given)} frames could be read" in str(error.value)
+
+
+class FakeCamera:
+    """Stands for cv2.VideoCapture: five frames, then unplugged."""
+
+    def __init__(self, index):
+        self.frames = [] if index == 1 else [np.full((6, 8, 3), i, np.uint8) for i in range(5)]
+
+    def isOpened(self):
+        return True
+
+    def get(self, prop):
+        return 0.0
+
+    def read(self):
+        return (True, self.frames.pop(0)) if self.frames else (False, None)
+
+    def release(self):
+        pass
+
+
+def test_a_camera_gives_frames_until_it_stops(monkeypatch):
+    monkeypatch.setattr(cv2, "VideoCapture", FakeCamera)
+    given = []
+    with open_source("0", start_frame=2) as source:
+        assert (source.name, source.size, source.fps) == ("camera 0", (8, 6), 30)
+        assert source.frame_count is None
+        with pytest.raises(SourceError, match="camera 0 gave 5 frames and then none"):
+            for frame in source:
+                given.append((frame.index, int(frame.image[0, 0, 0])))
+                assert 0 <= frame.timestamp < 60
+    assert given == [(2, 2), (3, 3), (4, 4)]
+    with pytest.raises(SourceError, match="camera 1 gave 0 frames"):
+        open_source(1)
+
+
+@pytest.fixture
+def served(tmp_path):
+    """The address of a web server for the folder."""
+
+    class Quiet(http.server.SimpleHTTPRequestHandler):
+        def log_message(self, *_):
+            pass
+
+    handler = functools.partial(Quiet, directory=str(tmp_path))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"127.0.0.1:{server.server_port}"
+        server.shutdown()
+
+
+def test_a_stream_is_read_and_its_password_not_shown(clip, served):
+    with open_source(f"http://me:secret@{served}/clip.mp4", start_frame=3) as source:
+        assert source.name == f"http://{served}/clip.mp4"
+        assert numbers(source) == [(i, i) for i in range(3, 20)]
+    with pytest.raises(SourceError, match=re.escape(f"http://{served}/none.mp4 cannot")) as error:
+        open_source(f"http://me:secret@{served}/none.mp4")
+    assert "secret" not in str(error.value)
+
+
+def test_a_stream_goes_on_after_a_damaged_packet(noise, served):
+    data = bytearray(noise.read_bytes())
+    middle = len(data) // 2
+    data[middle : middle + 500] = bytes(i * 37 % 256 for i in range(500))
+    noise.write_bytes(data)
+    with open_source(f"http://{served}/noise.mp4") as source:
+        indices = [frame.index for frame in source]
+    assert indices == list(range(len(indices)))
+    assert len(indices) > 20
+
+
+def test_a_silent_stream_is_given_up(monkeypatch):
+    monkeypatch.setattr("re3.video.containers.STREAM_TIMEOUT", 1.0)
+    with (
+        socket.create_server(("127.0.0.1", 0)) as server,
+        pytest.raises(SourceError, match="nothing came for 1 seconds"),
+    ):
+        open_source(f"http://127.0.0.1:{server.getsockname()[1]}/clip.mp4")
+
+
 def test_a_sideways_recording_is_turned_upright(tmp_path):
     path = tmp_path / "sideways.mp4"
     image = np.zeros((32, 64, 3), np.uint8)
@@ -79,6 +224,10 @@ def test_a_sideways_recording_is_turned_upright(tmp_path):
     [
         (lambda p: p / "none.mp4", "does not exist; expected a video file, a folder"),
         (lambda p: str(p / "*.jpg"), "no file matches"),
+        (lambda p: _write(p / "clip1.mp4", b"").with_name("clip.mp4"), "did you mean .*clip1"),
+        (lambda p: p / "nowhere" / "clip.mp4", "nor does the folder"),
+        (lambda p: _write(p / "a.mp4", b"").with_name("*.mp4"), "none of the 1 files .* an image"),
+        (lambda p: _write(p / "empty.png", b""), "an empty file"),
         (lambda p: p, "holds no images"),
         (lambda p: _write(p / "text.mp4", b"hello"), "cannot be opened as a video"),
         (lambda p: _write(p / "empty.mp4", b""), "cannot be opened as a video"),
@@ -106,18 +255,10 @@ def test_a_start_past_the_end_is_refused(clip, tmp_path):
         open_source(str(tmp_path / "*.png"), start_frame=3)
 
 
-def test_a_stream_over_http(clip):
-    handler = partial(SimpleHTTPRequestHandler, directory=str(clip.parent))
-    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        Thread(target=server.serve_forever, daemon=True).start()
-        with open_source(f"http://127.0.0.1:{server.server_port}/clip.mp4") as source:
-            assert numbers(source) == [(i, i) for i in range(20)]
-        server.shutdown()
-
-
-def test_no_camera_is_said_clearly():
+def test_no_camera_is_said_clearly_and_by_nobody_else(capfd):
     with pytest.raises(SourceError, match="camera 97 cannot be opened"):
         open_source(97)
+    assert capfd.readouterr() == ("", "")
 
 
 def test_a_broken_image_in_the_middle_is_named(tmp_path):
@@ -128,3 +269,15 @@ def test_a_broken_image_in_the_middle_is_named(tmp_path):
         next(frames)
         with pytest.raises(SourceError, match=r"2\.png cannot be read"):
             next(frames)
+
+
+def test_frames_of_a_real_clip_are_exact_from_any_start(shared_data):
+    clip = shared_data / "demo" / "cc-by" / "one-by-one-person-detection.mp4"
+    wanted = 40
+    with open_source(clip) as source:
+        expected = next(frame for frame in source if frame.index == wanted)
+    with open_source(clip, start_frame=wanted) as source:
+        found = next(iter(source))
+    assert found.index == wanted
+    assert found.timestamp == expected.timestamp
+    np.testing.assert_array_equal(found.image, expected.image)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Annotated
 
 import typer
@@ -15,6 +16,8 @@ from re3.apps.simulate import simulate
 from re3.apps.track import track
 from re3.apps.train import train
 from re3.models import list_models
+
+PIPE_WIDTH = 160
 
 app = typer.Typer(
     name="re3",
@@ -69,7 +72,8 @@ def models() -> None:
             f"{card.speed_fps:.0f} FPS" if card.speed_fps else "-",
             card.description,
         )
-    Console().print(table)
+    # A file or a pipe has no width to keep to; without one Rich would fold the table at 80.
+    Console(width=None if sys.stdout.isatty() else PIPE_WIDTH).print(table)
 
 
 app.command()(track)

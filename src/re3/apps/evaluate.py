@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 from rich.progress import Progress as ProgressBar
 from rich.table import Table
 
-from re3.apps.console import failed
+from re3.apps.console import INTERRUPTED, failed, stderr
 from re3.data.plain import read_folder
 from re3.data.sequence import Sequence
 from re3.evaluation.environment import Environment
@@ -129,6 +129,10 @@ def evaluate(
         _write(report, out, json_file)
     except (ValueError, OSError) as error:
         raise failed(error) from error
+    except KeyboardInterrupt:
+        kept = f"; finished tracks are in {out}, go on with --resume" if out is not None else ""
+        stderr().print(f"interrupted{kept}", markup=False)
+        raise typer.Exit(INTERRUPTED) from None
 
 
 def _asked(trackers: list[str], model: str | None) -> list[str]:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import time
-from collections import Counter
-from collections.abc import Callable
-from contextlib import ExitStack
-from dataclasses import dataclass, field
+import os
+import sys
+from contextlib import ExitStack, nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -14,107 +13,34 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-from re3.apps.console import INTERRUPTED, failed, stderr
+from re3.apps.console import failed, stderr
+from re3.apps.stopping import StopSignals
+from re3.apps.tracking import Box, Tracked, track_video
 from re3.engine import ENGINES
 from re3.models import DEFAULT_MODEL
-from re3.result import Result
 from re3.tracker import MultiTracker
-from re3.video import (
-    Frame,
-    ResultsWriter,
-    SourceError,
-    VideoSource,
-    VideoWriter,
-    draw_results,
-    open_results,
-    open_source,
-)
+from re3.video import VideoSource, VideoWriter, open_results, open_source
 
-Box = tuple[float, float, float, float]
+BROKEN_SOURCE = 1
+BROKEN_PIPE = 141
+"""Exit code of a program whose reader went away, as shells have it."""
 
 
-@dataclass
-class Tracked:
-    """What came of a run.
+@dataclass(frozen=True)
+class _Run:
+    """What there is to tell of a run.
 
     Attributes:
-        frames: in which objects were followed, the first included.
-        seconds: spent in the tracker: crops, network and state, without decoding and encoding.
-        updates: calls of `update` in that time.
-        statuses: number of results by status.
-        last: the latest result of each object.
-        interrupted: whether Ctrl-C ended it.
-        broken: why the source ended early, or None.
+        source: what was tracked, by name.
+        outcome: of the tracking.
+        written: files and the number of frames in each.
+        stopped: what asked to stop, if anything did.
     """
 
-    frames: int = 0
-    seconds: float = 0.0
-    updates: int = 0
-    statuses: Counter[str] = field(default_factory=Counter)
-    last: dict[int, Result] = field(default_factory=dict)
-    interrupted: bool = False
-    broken: str | None = None
-
-    @property
-    def fps(self) -> float:
-        """Frames tracked a second; 0 before the first update."""
-        return self.updates / self.seconds if self.seconds else 0.0
-
-
-def track_video(
-    source: VideoSource,
-    tracker: MultiTracker,
-    objects: dict[str, Box],
-    video: VideoWriter | None = None,
-    results: ResultsWriter | None = None,
-    max_frames: int | None = None,
-    on_frame: Callable[[Frame, Tracked], None] | None = None,
-) -> Tracked:
-    """Track objects from the source's first frame on, writing as it goes.
-
-    Ctrl-C and a source that breaks end the run; what was tracked until then stays written.
-
-    Args:
-        source: opened at the frame in which the boxes are.
-        tracker: without objects.
-        objects: name -> x, y, width, height in pixels of the first frame.
-        video, results: open writers, or None.
-        max_frames: stop after so many frames.
-        on_frame: called after each frame.
-
-    Raises:
-        ValueError: a box that the tracker refuses.
-        SourceError: the source breaks before its first frame.
-    """
-    outcome = Tracked()
-    try:
-        for frame in source:
-            started = time.perf_counter()
-            if outcome.frames == 0:
-                for name, box in objects.items():
-                    tracker.add(frame.image, box, name)
-                outcome.last = tracker.results
-            else:
-                outcome.last = tracker.update(frame.image)
-                outcome.seconds += time.perf_counter() - started
-                outcome.updates += 1
-            outcome.statuses.update(str(r.status) for r in outcome.last.values())
-            if results is not None:
-                results.write(frame.index, frame.timestamp, outcome.last.values())
-            if video is not None:
-                video.write(draw_results(frame.image, outcome.last.values()))
-            outcome.frames += 1
-            if on_frame is not None:
-                on_frame(frame, outcome)
-            if outcome.frames == max_frames:
-                break
-    except KeyboardInterrupt:
-        outcome.interrupted = True
-    except SourceError as error:
-        if outcome.frames == 0:
-            raise
-        outcome.broken = str(error)
-    return outcome
+    source: str
+    outcome: Tracked
+    written: dict[Path, int]
+    stopped: StopSignals
 
 
 def track(
@@ -188,7 +114,7 @@ def track(
     """
     console = stderr()
     try:
-        outcome, written = _run(
+        run = _run(
             console,
             source,
             _parse_objects(box, objects or []),
@@ -199,13 +125,17 @@ def track(
             out,
             results,
         )
+    except BrokenPipeError:
+        # `re3 track ... --results - | head`: not an error of ours, nor anything to say.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise typer.Exit(BROKEN_PIPE) from None
     except (ImportError, OSError, ValueError) as error:
         raise failed(error) from error
-    _summarise(console, outcome, written)
-    if outcome.interrupted:
-        raise typer.Exit(INTERRUPTED)
-    if outcome.broken is not None:
-        raise typer.Exit(1)
+    _summarise(console, run, told=results is not None)
+    if run.outcome.interrupted:
+        raise typer.Exit(run.stopped.exit_code)
+    if run.outcome.broken is not None:
+        raise typer.Exit(BROKEN_SOURCE)
 
 
 def _run(
@@ -218,7 +148,7 @@ def _run(
     engine: str,
     out: Path | None,
     results: str | None,
-) -> tuple[Tracked, list[Path]]:
+) -> _Run:
     if out is not None and out.exists() and Path(spec).exists() and out.samefile(spec):
         raise ValueError(f"--out {out} is the source itself; give another name")
     rows = open_results(results) if results is not None else None
@@ -226,25 +156,14 @@ def _run(
     with ExitStack() as stack:
         frames = stack.enter_context(open_source(spec, start_frame=start_frame))
         video = VideoWriter(out, frames.fps, frames.size) if out is not None else None
+        # Entered before the writers, so that it is still there while they complete their files.
+        stopped = stack.enter_context(StopSignals())
         for writer in (video, rows):
             if writer is not None:
                 stack.enter_context(writer)
-        total = None if frames.frame_count is None else frames.frame_count - start_frame
-        if max_frames is not None:
-            total = max_frames if total is None else min(total, max_frames)
-        bar = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            TaskProgressColumn(show_speed=False),
-            TextColumn("{task.completed} of {task.total} frames" if total else "{task.completed}"),
-            TextColumn("{task.fields[fps]:.0f} FPS"),
-            TimeRemainingColumn(),
-            console=console,
-            disable=not console.is_terminal,
-            transient=True,
-        )
-        task = bar.add_task(f"tracking {frames.name}", total=total, fps=0.0)
-        with bar:
+        bar = _progress_bar(console, frames, start_frame, max_frames)
+        # Elsewhere than on a terminal even a disabled bar of Rich 13 prints an empty line.
+        with bar if console.is_terminal else nullcontext():
             outcome = track_video(
                 frames,
                 tracker,
@@ -252,22 +171,59 @@ def _run(
                 video,
                 rows,
                 max_frames,
-                lambda _, done: bar.update(task, completed=done.frames, fps=done.fps),
+                lambda _, done: bar.update(bar.task_ids[0], completed=done.frames, fps=done.fps),
+                stopped,
             )
-    written = [out] if out is not None and outcome.frames else []
-    return outcome, written + (rows.paths if rows is not None else [])
+        stopped.finishing = True
+    written = {}
+    if out is not None and video is not None and video.frames_written:
+        written[out] = video.frames_written
+    if rows is not None:
+        written.update((path, rows.frames_written) for path in rows.paths)
+    return _Run(frames.name, outcome, written, stopped)
 
 
-def _summarise(console: Console, outcome: Tracked, written: list[Path]) -> None:
+def _progress_bar(
+    console: Console, frames: VideoSource, start_frame: int, max_frames: int | None
+) -> Progress:
+    """One line on a terminal, nothing elsewhere."""
+    total = None if frames.frame_count is None else frames.frame_count - start_frame
+    if max_frames is not None:
+        total = max_frames if total is None else min(total, max_frames)
+    bar = Progress(
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TaskProgressColumn(show_speed=False),
+        TextColumn("{task.completed} of {task.total} frames" if total else "{task.completed}"),
+        TextColumn("{task.fields[fps]:.0f} FPS"),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+    )
+    bar.add_task(f"tracking {frames.name}", total=total, fps=0.0)
+    return bar
+
+
+def _summarise(console: Console, run: _Run, *, told: bool) -> None:
+    """Say what came of it; `told` if the boxes went anywhere."""
+    outcome = run.outcome
+
     def say(text: str, style: str | None = None) -> None:
         console.print(text, style=style, markup=False)
 
     if outcome.interrupted:
-        say(f"stopped by Ctrl-C after {outcome.frames} frames", "yellow")
+        say(f"stopped by {run.stopped.name} after {outcome.frames} frames", "yellow")
     if outcome.broken is not None:
         say(f"stopped early: {outcome.broken}", "yellow")
-    for path in written:
-        say(f"{path}: {outcome.frames} frames")
+    # Files cut to length announce a few frames more than they give.
+    if outcome.missing > max(2, 0.02 * outcome.frames):
+        say(
+            f"note: {run.source} announces {outcome.missing} frames more than it gave; "
+            "is it complete?",
+            "yellow",
+        )
+    for path, count in run.written.items():
+        say(f"{path}: {count} frames")
     for result in outcome.last.values():
         x, y, w, h = result.box_xywh
         say(f"last box of {result.label}: {x:.1f},{y:.1f},{w:.1f},{h:.1f} ({result.status})")
@@ -278,7 +234,7 @@ def _summarise(console: Console, outcome: Tracked, written: list[Path]) -> None:
             f"tracking: {outcome.fps:.0f} FPS ({1000 / outcome.fps:.1f} ms a frame: crops, network "
             "and state, without decoding and encoding)"
         )
-    if not written:
+    if not run.written and not told:
         say("nothing was written; --out FILE.mp4 or --results FILE.csv keep the boxes")
 
 

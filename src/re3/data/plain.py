@@ -24,9 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from re3.data.sequence import Sequence
+from re3.video.sources import IMAGE_SUFFIXES
 
 VIDEO_SUFFIXES = frozenset({".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mpeg", ".mpg", ".webm"})
-IMAGE_SUFFIXES = frozenset({".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp"})
 INNER_TRUTH = "groundtruth_rect.txt"
 INNER_IMAGES = "img"
 

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from re3.video import open_source
+
 
 # Without eq=False the generated __eq__ would compare arrays and fail on their truth value.
 @dataclass(frozen=True, eq=False)
@@ -72,12 +74,9 @@ class Sequence:
         """The T frames of the track in order, uint8 `[H, W, 3]` BGR.
 
         Raises:
-            ValueError: the source ends before the boxes do.
-            Whatever `re3.video.open_source` raises for a source it cannot read.
+            ValueError: the source cannot be read (`re3.video.SourceError`) or ends before the
+                boxes do.
         """
-        # Deferred, so that reading annotations does not load a video decoder.
-        from re3.video import open_source
-
         given = 0
         with open_source(self.source, start_frame=self.start_frame) as frames:
             for given, frame in enumerate(frames, start=1):

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from re3.result import Result, Status
 
 Colour = tuple[int, int, int]
+Point = tuple[int, int]
 
 PALETTE: tuple[Colour, ...] = (
     (80, 200, 60),
@@ -28,22 +29,29 @@ PALETTE: tuple[Colour, ...] = (
 """BGR colours by object, in turn; well apart, and bright enough for dark text upon them."""
 
 LOST_COLOUR: Colour = (150, 150, 150)
+RIM_COLOUR: Colour = (0, 0, 0)
+TEXT_COLOUR: Colour = (20, 20, 20)
 FONT = cv2.FONT_HERSHEY_SIMPLEX
+ASCII_ONLY = int(cv2.__version__.split(".")[0]) < 5
+"""OpenCV 4 has a stroke font without umlauts and the like, OpenCV 5 a proper one."""
 
 
 def draw_results(image: NDArray[np.uint8], results: Iterable[Result]) -> NDArray[np.uint8]:
     """A copy of the frame with the objects drawn in.
 
-    A tracked object has a solid box in its colour, an uncertain one a dashed box, a lost one a
-    dashed grey box crossed out and labelled LOST.
+    A tracked object has a solid box in its colour, an uncertain one a thinner dashed box, a lost
+    one a dashed grey box crossed out and labelled LOST. Labels lie above all boxes.
 
     Args:
         image: uint8 `[H, W, 3]` BGR; left as it is.
         results: of this frame.
     """
     canvas = image.copy()
-    for result in results:
-        _draw(canvas, result)
+    shown = list(results)
+    for result in shown:
+        _draw_box(canvas, result)
+    for result in shown:
+        _draw_label(canvas, result)
     return canvas
 
 
@@ -52,58 +60,67 @@ def colour_of(object_id: int) -> Colour:
     return PALETTE[(object_id - 1) % len(PALETTE)] if object_id > 0 else PALETTE[0]
 
 
-def _draw(canvas: NDArray[np.uint8], result: Result) -> None:
+def _colour(result: Result) -> Colour:
+    return LOST_COLOUR if result.status is Status.LOST else colour_of(result.object_id)
+
+
+def _corners(canvas: NDArray[np.uint8], result: Result) -> tuple[int, int, int, int]:
+    """Left, top, right, bottom: the outermost pixels that belong to the box."""
     height, width = canvas.shape[:2]
-    thickness = max(1, round(min(height, width) / 240))
     x, y, w, h = result.box_xywh
     # Far outside the frame OpenCV's integers would overflow.
-    left, top = (int(np.clip(round(v), -4 * s, 4 * s)) for v, s in ((x, width), (y, height)))
-    right, bottom = (
-        int(np.clip(round(v), -4 * s, 4 * s)) for v, s in ((x + w, width), (y + h, height))
-    )
-    lost = result.status is Status.LOST
-    colour = LOST_COLOUR if lost else colour_of(result.object_id)
+    left, right = (int(np.clip(round(v), -4 * width, 4 * width)) for v in (x, x + w))
+    top, bottom = (int(np.clip(round(v), -4 * height, 4 * height)) for v in (y, y + h))
+    return left, top, max(left, right - 1), max(top, bottom - 1)
+
+
+def _draw_box(canvas: NDArray[np.uint8], result: Result) -> None:
+    thickness = max(1, round(min(canvas.shape[:2]) / 240))
+    left, top, right, bottom = _corners(canvas, result)
+    colour = _colour(result)
     if result.status is Status.TRACKED:
-        # A dark rim keeps the box visible on a background of its own colour.
-        cv2.rectangle(canvas, (left, top), (right, bottom), (0, 0, 0), thickness + 2)
+        # A dark rim keeps the box visible on a background of its own colour. On small frames it
+        # would outweigh the line itself.
+        if thickness > 1:
+            cv2.rectangle(canvas, (left, top), (right, bottom), RIM_COLOUR, thickness + 2)
         cv2.rectangle(canvas, (left, top), (right, bottom), colour, thickness)
-    else:
-        corners = [(left, top), (right, top), (right, bottom), (left, bottom)]
-        for start, end in zip(corners, corners[1:] + corners[:1], strict=True):
-            _dashed(canvas, start, end, colour, thickness)
-    if lost:
-        cv2.line(canvas, (left, top), (right, bottom), colour, thickness)
-        cv2.line(canvas, (left, bottom), (right, top), colour, thickness)
-    _label(canvas, _text(result), (left, top, bottom), colour)
+        return
+    thin = max(1, round(thickness * 0.75))
+    dash = 4 * thickness
+    corners = [(left, top), (right, top), (right, bottom), (left, bottom)]
+    lines = list(zip(corners, corners[1:] + corners[:1], strict=True))
+    for start, end in lines:
+        # Dark between the dashes: seen on light ground and on dark.
+        cv2.line(canvas, start, end, RIM_COLOUR, thin)
+        _dashes(canvas, start, end, colour, thin, dash)
+    if result.status is Status.LOST:
+        cv2.line(canvas, (left, top), (right, bottom), colour, thin, cv2.LINE_AA)
+        cv2.line(canvas, (left, bottom), (right, top), colour, thin, cv2.LINE_AA)
+
+
+def _dashes(
+    canvas: NDArray[np.uint8], start: Point, end: Point, colour: Colour, thickness: int, dash: int
+) -> None:
+    length = math.dist(start, end)
+    a, b = np.array(start, dtype=np.float64), np.array(end, dtype=np.float64)
+    for at in np.arange(0, length, 2 * dash):
+        p, q = (a + (b - a) * min(t, length) / length for t in (at, at + dash))
+        points = [(round(float(point[0])), round(float(point[1]))) for point in (p, q)]
+        cv2.line(canvas, points[0], points[1], colour, thickness)
 
 
 def _text(result: Result) -> str:
     shown = "" if math.isnan(result.score) else f" {result.score:.2f}"
     text = f"{result.label}{shown}"
-    return f"{text} LOST" if result.status is Status.LOST else text
+    if result.status is Status.LOST:
+        text += " LOST"
+    return text.encode("ascii", "replace").decode() if ASCII_ONLY else text
 
 
-def _dashed(
-    canvas: NDArray[np.uint8],
-    start: tuple[int, int],
-    end: tuple[int, int],
-    colour: Colour,
-    thickness: int,
-) -> None:
-    length = math.dist(start, end)
-    dash = 6 * thickness
-    a, b = np.array(start, dtype=np.float64), np.array(end, dtype=np.float64)
-    for at in np.arange(0, length, 2 * dash):
-        p, q = (a + (b - a) * min(t, length) / length for t in (at, at + dash))
-        points = [(round(float(point[0])), round(float(point[1]))) for point in (p, q)]
-        cv2.line(canvas, points[0], points[1], (0, 0, 0), thickness + 2)
-        cv2.line(canvas, points[0], points[1], colour, thickness)
-
-
-def _label(canvas: NDArray[np.uint8], text: str, box: tuple[int, int, int], colour: Colour) -> None:
+def _draw_label(canvas: NDArray[np.uint8], result: Result) -> None:
     """Dark text on a plate of the object's colour: above the box, inside the image."""
     height, width = canvas.shape[:2]
-    text = text.encode("ascii", "replace").decode()  # OpenCV's font has nothing else
+    text = _text(result)
     scale = max(0.38, min(height, width) / 900)
     pen = max(1, round(scale * 1.6))
     (text_width, text_height), baseline = cv2.getTextSize(text, FONT, scale, pen)
@@ -112,10 +129,11 @@ def _label(canvas: NDArray[np.uint8], text: str, box: tuple[int, int, int], colo
         (text_width, text_height), baseline = cv2.getTextSize(text, FONT, scale, pen)
     pad = max(2, text_height // 4)
     plate_width, plate_height = text_width + 2 * pad, text_height + baseline + 2 * pad
-    left, top, bottom = box
-    y = top - plate_height if top - plate_height >= 0 else min(bottom, height - plate_height)
+    left, top, _, bottom = _corners(canvas, result)
+    y = top - plate_height if top - plate_height >= 0 else min(bottom + 1, height - plate_height)
     x = int(np.clip(left, 0, max(width - plate_width, 0)))
     y = int(np.clip(y, 0, max(height - plate_height, 0)))
-    cv2.rectangle(canvas, (x, y), (x + plate_width, y + plate_height), colour, cv2.FILLED)
+    plate = canvas[y : y + plate_height, x : x + plate_width]
+    plate[:] = _colour(result)
     origin = (x + pad, y + pad + text_height)
-    cv2.putText(canvas, text, origin, FONT, scale, (20, 20, 20), pen, cv2.LINE_AA)
+    cv2.putText(canvas, text, origin, FONT, scale, TEXT_COLOUR, pen, cv2.LINE_AA)

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import math
-import os
 import sys
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, Self
 
 from re3.result import Result
+from re3.video.partial import PartialFile
 
 FIELDS = ("frame", "timestamp", "object", "x", "y", "w", "h", "score", "status")
 STDOUT = "-"
+ABSENT = "nan,nan,nan,nan\n"
+"""Line of OTB text for a frame without the object."""
+
+Row = dict[str, Any]
 
 
 def open_results(path: str | Path) -> ResultsWriter:
@@ -25,10 +31,10 @@ def open_results(path: str | Path) -> ResultsWriter:
         path: ending in .csv, .jsonl, .json or .txt; "-" writes CSV to standard output.
 
     Raises:
-        ValueError: another ending.
+        ValueError: another ending, or a folder.
     """
     if str(path) == STDOUT:
-        return _Csv(None)
+        return _CsvToStdout()
     path = Path(path)
     kinds: dict[str, Callable[[Path], ResultsWriter]] = {
         ".csv": _Csv,
@@ -41,20 +47,24 @@ def open_results(path: str | Path) -> ResultsWriter:
             f"results {path} end in {path.suffix!r}; expected one of {', '.join(kinds)}, "
             "or - for CSV on standard output"
         )
+    if path.is_dir():
+        raise ValueError(f"results {path} is a folder; expected the path of a file")
     return kinds[path.suffix.lower()](path)
 
 
-class ResultsWriter:
+class ResultsWriter(ABC):
     """Writes the results of one frame after the other.
 
     A context manager. The file appears under its name when the block ends, also when it ends by
-    an exception or Ctrl-C, with the frames so far. Without any frame no file appears.
+    an exception or Ctrl-C, with the frames so far; each frame is there with all its objects or
+    not at all. Without any frame no file appears, and an older one stays.
+
+    Attributes:
+        frames_written: so far.
     """
 
-    def __init__(self, path: Path | None) -> None:
-        self.path = path
+    def __init__(self) -> None:
         self.frames_written = 0
-        self._stream: IO[str] | None = None
 
     def write(self, frame_index: int, timestamp: float, results: Iterable[Result]) -> None:
         """Append a frame.
@@ -63,23 +73,35 @@ class ResultsWriter:
             frame_index: 0-based in the source.
             timestamp: in seconds.
             results: of the frame's objects.
+
+        Raises:
+            ValueError: two of the objects have the same label.
+            OSError: the file cannot be written.
         """
-        for result in results:
-            self._write_row(_row(frame_index, timestamp, result))
+        rows = [_row(frame_index, timestamp, result) for result in results]
+        labels = [row["object"] for row in rows]
+        if len(set(labels)) < len(labels):
+            raise ValueError(
+                f"frame {frame_index} has objects of the same label: {', '.join(labels)}; "
+                "give each object a name of its own"
+            )
+        self._write_rows(rows)
         self.frames_written += 1
 
     @property
+    @abstractmethod
     def paths(self) -> list[Path]:
         """The files that there are after the block."""
-        return [self.path] if self.path is not None and self.frames_written else []
+
+    @abstractmethod
+    def _write_rows(self, rows: list[Row]) -> None:
+        """Append the rows of one frame."""
+
+    @abstractmethod
+    def _finish(self) -> None:
+        """Complete the files and let them appear."""
 
     def __enter__(self) -> Self:
-        if self.path is None:
-            self._stream = sys.stdout
-        else:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._stream = self._partial.open("w", encoding="utf-8", newline="")
-        self._begin()
         return self
 
     def __exit__(
@@ -88,34 +110,12 @@ class ResultsWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        assert self._stream is not None
-        self._end()
-        if self.path is None:
-            self._stream.flush()
-            return
-        self._stream.close()
-        if self.frames_written:
-            self._partial.replace(self.path)
-        else:
-            self._partial.unlink()
-
-    @property
-    def _partial(self) -> Path:
-        assert self.path is not None
-        return self.path.with_name(f".{self.path.name}.{os.getpid()}.partial")
-
-    def _begin(self) -> None:
-        pass
-
-    def _end(self) -> None:
-        pass
-
-    def _write_row(self, row: dict[str, Any]) -> None:
-        raise NotImplementedError
+        self._finish()
 
 
-def _row(frame_index: int, timestamp: float, result: Result) -> dict[str, Any]:
+def _row(frame_index: int, timestamp: float, result: Result) -> Row:
     x, y, w, h = (round(value, 3) for value in result.box_xywh)
+    # A model without score has NaN, which JSON cannot say.
     score = None if math.isnan(result.score) else round(result.score, 4)
     values = (
         frame_index,
@@ -131,68 +131,127 @@ def _row(frame_index: int, timestamp: float, result: Result) -> dict[str, Any]:
     return dict(zip(FIELDS, values, strict=True))
 
 
-class _Csv(ResultsWriter):
-    def _begin(self) -> None:
-        assert self._stream is not None
-        self._csv = csv.DictWriter(self._stream, FIELDS, lineterminator="\n")
-        self._csv.writeheader()
-
-    def _write_row(self, row: dict[str, Any]) -> None:
-        self._csv.writerow(row)
-
-
-class _JsonLines(ResultsWriter):
-    def _write_row(self, row: dict[str, Any]) -> None:
-        assert self._stream is not None
-        self._stream.write(json.dumps(row) + "\n")
+def _csv_text(rows: list[Row], header: bool) -> str:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, FIELDS, lineterminator="\n")
+    if header:
+        writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
 
 
-class _Json(ResultsWriter):
-    """One array of the same objects that JSON Lines has."""
+class _CsvToStdout(ResultsWriter):
+    @property
+    def paths(self) -> list[Path]:
+        return []
 
-    def _begin(self) -> None:
-        assert self._stream is not None
-        self._stream.write("[")
-        self._separator = "\n"
+    def _write_rows(self, rows: list[Row]) -> None:
+        sys.stdout.write(_csv_text(rows, header=self.frames_written == 0))
+        sys.stdout.flush()  # who reads the pipe wants each frame when it is there
 
-    def _write_row(self, row: dict[str, Any]) -> None:
-        assert self._stream is not None
-        self._stream.write(self._separator + json.dumps(row))
-        self._separator = ",\n"
-
-    def _end(self) -> None:
-        assert self._stream is not None
-        self._stream.write("\n]\n")
+    def _finish(self) -> None:
+        pass
 
 
-class _Otb(ResultsWriter):
-    """`x,y,w,h` a line a frame. With several objects each has a file of its own, `name-object`."""
+class _TextFile(ResultsWriter):
+    """One file, opened at the first frame."""
 
-    def __enter__(self) -> Self:
-        assert self.path is not None
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        self._lines: dict[str, list[str]] = {}
-        return self
-
-    def _write_row(self, row: dict[str, Any]) -> None:
-        box = ",".join(f"{row[side]:.3f}" for side in "xywh")
-        self._lines.setdefault(row["object"], []).append(box + "\n")
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.path = path
+        self._partial: PartialFile | None = None
+        self._stream: IO[str] | None = None
 
     @property
     def paths(self) -> list[Path]:
-        assert self.path is not None
+        return [self.path] if self.frames_written else []
+
+    def _write_rows(self, rows: list[Row]) -> None:
+        if self._stream is None:
+            self._partial = PartialFile(self.path)
+            self._stream = self._partial.path.open("w", encoding="utf-8", newline="")
+        self._stream.write(self._text(rows))  # at once, so that no frame is torn
+
+    def _finish(self) -> None:
+        if self._partial is None or self._stream is None:
+            return
+        try:
+            with self._stream:
+                self._stream.write(self._end())
+            if self.frames_written:
+                self._partial.commit()
+        finally:
+            self._partial.discard()
+
+    @abstractmethod
+    def _text(self, rows: list[Row]) -> str:
+        """The rows of one frame as they stand in the file."""
+
+    def _end(self) -> str:
+        return ""
+
+
+class _Csv(_TextFile):
+    def _text(self, rows: list[Row]) -> str:
+        return _csv_text(rows, header=self.frames_written == 0)
+
+
+class _JsonLines(_TextFile):
+    def _text(self, rows: list[Row]) -> str:
+        return "".join(json.dumps(row) + "\n" for row in rows)
+
+
+class _Json(_TextFile):
+    """One array of the same objects that JSON Lines has."""
+
+    _separator = "[\n"
+
+    def _text(self, rows: list[Row]) -> str:
+        text = ""
+        for row in rows:
+            text += self._separator + json.dumps(row)
+            self._separator = ",\n"
+        return text
+
+    def _end(self) -> str:
+        return "[]\n" if self._separator == "[\n" else "\n]\n"
+
+
+class _Otb(ResultsWriter):
+    """`x,y,w,h` a line a frame. With several objects each has a file of its own, `name-object`.
+
+    Kept in memory until the end, when it is known how many objects there are: 30 bytes a line.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.path = path
+        self._lines: dict[str, list[str]] = {}
+
+    @property
+    def paths(self) -> list[Path]:
         if len(self._lines) < 2:
             return [self.path] if self._lines else []
-        safe = {label: "".join(c if c.isalnum() else "_" for c in label) for label in self._lines}
-        return [self.path.with_stem(f"{self.path.stem}-{safe[label]}") for label in self._lines]
+        names: dict[str, None] = {}
+        for label in self._lines:
+            name = "".join(c if c.isalnum() or c in "-_." else "_" for c in label)
+            while name in names:  # "a b" and "a/b" are two objects
+                name += "_"
+            names[name] = None
+        return [self.path.with_stem(f"{self.path.stem}-{name}") for name in names]
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def _write_rows(self, rows: list[Row]) -> None:
+        boxes = {row["object"]: ",".join(f"{row[s]:.3f}" for s in "xywh") + "\n" for row in rows}
+        for label in boxes:
+            self._lines.setdefault(label, [ABSENT] * self.frames_written)
+        for label, lines in self._lines.items():
+            lines.append(boxes.get(label, ABSENT))
+
+    def _finish(self) -> None:
         for path, lines in zip(self.paths, self._lines.values(), strict=True):
-            partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-            partial.write_text("".join(lines), encoding="utf-8")
-            partial.replace(path)
+            partial = PartialFile(path)
+            try:
+                partial.path.write_text("".join(lines), encoding="utf-8")
+                partial.commit()
+            finally:
+                partial.discard()

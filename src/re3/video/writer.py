@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -11,7 +10,16 @@ from typing import Self
 import av
 import cv2
 import numpy as np
+from av.error import FFmpegError
 from numpy.typing import NDArray
+
+from re3.video.partial import PartialFile
+
+BT709 = 1
+"""Number of that colour space, primaries, transfer curve in the H.264 standard (table E-3)."""
+
+LIMITED_RANGE = 1
+"""FFmpeg's number of luma 16 to 235."""
 
 
 class VideoWriter:
@@ -19,16 +27,17 @@ class VideoWriter:
 
     A context manager. The file appears under its name when the block ends, also when it ends by
     an exception or Ctrl-C: the frames written so far are finished properly. Without any frame no
-    file appears.
+    file appears, and an older one stays.
 
     Args:
         path: of the .mp4 file; its folder is made if needed.
         fps: frames a second; a Fraction is kept exactly.
         size: width and height in pixels. yuv420p has even sides only: an odd one gets one more
-            line, a copy of the last.
+            line at the right or bottom, a copy of the last.
 
     Raises:
         ValueError: another ending than .mp4, or an unusable frame rate or size.
+        OSError: while it is used: the file cannot be written.
     """
 
     def __init__(self, path: str | Path, fps: float | Fraction, size: tuple[int, int]) -> None:
@@ -36,39 +45,56 @@ class VideoWriter:
         self.frames_written = 0
         if self.path.suffix.lower() != ".mp4":
             raise ValueError(f"video {self.path} does not end in .mp4, the one format written")
-        if fps <= 0 or min(size) <= 0:
+        if self.path.is_dir():
+            raise ValueError(f"video {self.path} is a folder; expected the path of a file")
+        if not fps > 0 or min(size) <= 0:
             raise ValueError(f"frame rate {fps} and size {size} are unusable; expected above 0")
         self.size = size
         self._rate = Fraction(fps).limit_denominator(100_000)
-        self._partial = self.path.with_name(f".{self.path.name}.{os.getpid()}.partial")
-        self._container: av.container.OutputContainer | None = None
+        self._partial: PartialFile | None = None
+        self._within = False
 
     def __enter__(self) -> Self:
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        self._container = av.open(
-            str(self._partial), "w", format="mp4", options={"movflags": "+faststart"}
-        )
-        self._stream = self._container.add_stream("libx264", rate=self._rate)
-        self._stream.width = self.size[0] + self.size[0] % 2
-        self._stream.height = self.size[1] + self.size[1] % 2
-        self._stream.pix_fmt = "yuv420p"
-        self._stream.options = {"preset": "veryfast", "crf": "20"}
+        self._within = True
         return self
 
     def write(self, image: NDArray[np.uint8]) -> None:
-        """Append a frame, uint8 `[H, W, 3]` BGR; of another size it is scaled to the writer's."""
-        if self._container is None:
+        """Append a frame.
+
+        Args:
+            image: uint8 `[H, W, 3]` BGR. Of another size than the writer's it is scaled to fit,
+                with black bars where its shape differs.
+
+        Raises:
+            ValueError: another array than that.
+            RuntimeError: outside the writer's `with` block.
+            OSError: the file cannot be written.
+        """
+        if not self._within:
             raise RuntimeError("write() outside the writer's `with` block")
-        if (image.shape[1], image.shape[0]) != self.size:
-            image = cv2.resize(image, self.size, interpolation=cv2.INTER_AREA)
+        if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or not image.size:
+            raise ValueError(
+                f"frame is {image.dtype} {list(image.shape)}; expected uint8 [H, W, 3], BGR"
+            )
         odd_width, odd_height = self.size[0] % 2, self.size[1] % 2
+        pixels = _fit(image, self.size)
         if odd_width or odd_height:
-            image = np.pad(image, ((0, odd_height), (0, odd_width), (0, 0)), mode="edge")
-        frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(image), format="bgr24")
-        frame.pts = self.frames_written
-        frame.time_base = 1 / self._rate
-        for packet in self._stream.encode(frame):
-            self._container.mux(packet)
+            pixels = np.pad(pixels, ((0, odd_height), (0, odd_width), (0, 0)), mode="edge")
+        frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(pixels), format="bgr24")
+        try:
+            # Opened no earlier, so that nothing is left behind where tracking never starts.
+            if self._partial is None:
+                self._partial = self._open()
+            # Without a named colour space players guess by the size of the frame, some wrongly.
+            frame = frame.reformat(
+                format="yuv420p", dst_colorspace=BT709, dst_color_range=LIMITED_RANGE
+            )
+            frame.pts = self.frames_written
+            frame.time_base = 1 / self._rate
+            for packet in self._stream.encode(frame):
+                self._container.mux(packet)
+        except FFmpegError as error:
+            raise self._failure(error) from error
         self.frames_written += 1
 
     def __exit__(
@@ -77,14 +103,55 @@ class VideoWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        assert self._container is not None
-        container, self._container = self._container, None
+        self._within = False
+        if self._partial is None:
+            return
+        partial, self._partial = self._partial, None
         try:
             if self.frames_written:
                 for packet in self._stream.encode():
-                    container.mux(packet)
-            container.close()
+                    self._container.mux(packet)
+            self._container.close()
             if self.frames_written:
-                self._partial.replace(self.path)
+                partial.commit()
+        except FFmpegError as failure:
+            raise self._failure(failure) from failure
         finally:
-            self._partial.unlink(missing_ok=True)
+            partial.discard()
+
+    def _open(self) -> PartialFile:
+        partial = PartialFile(self.path)
+        options = {"movflags": "+faststart"}
+        self._container = av.open(str(partial.path), "w", format="mp4", options=options)
+        self._stream = self._container.add_stream("libx264", rate=self._rate)
+        self._stream.width = self.size[0] + self.size[0] % 2
+        self._stream.height = self.size[1] + self.size[1] % 2
+        self._stream.pix_fmt = "yuv420p"
+        self._stream.options = {"preset": "veryfast", "crf": "20"}
+        context = self._stream.codec_context
+        context.colorspace = context.color_primaries = context.color_trc = BT709
+        context.color_range = LIMITED_RANGE
+        return partial
+
+    def _failure(self, error: FFmpegError) -> OSError:
+        return OSError(
+            f"video {self.path} cannot be written: {error.strerror or error} "
+            f"(after {self.frames_written} frames)"
+        )
+
+
+def _fit(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
+    """The image scaled into a frame of that width and height, black around it."""
+    width, height = size
+    h, w = image.shape[:2]
+    if (w, h) == size:
+        return image
+    scale = min(width / w, height / h)
+    inner = (max(1, round(w * scale)), max(1, round(h * scale)))
+    method = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+    left, top = (width - inner[0]) // 2, (height - inner[1]) // 2
+    canvas = np.zeros((height, width, 3), np.uint8)
+    canvas[top : top + inner[1], left : left + inner[0]] = cv2.resize(
+        image, inner, interpolation=method
+    )
+    return canvas

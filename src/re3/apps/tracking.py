@@ -1,0 +1,126 @@
+"""The loop of `re3 track`: frames in, boxes out to the writers."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from re3.result import Result
+from re3.video import Frame, ResultsWriter, SourceError, VideoSource, VideoWriter, draw_results
+
+Box = tuple[float, float, float, float]
+
+
+class ObjectTracker(Protocol):
+    """What the loop asks of a tracker; `re3.MultiTracker` is one."""
+
+    @property
+    def results(self) -> dict[int, Result]: ...
+
+    def add(self, frame: NDArray[np.uint8], box_xywh: Box, name: str | None = None) -> int: ...
+
+    def update(self, frame: NDArray[np.uint8]) -> dict[int, Result]: ...
+
+
+@dataclass
+class Tracked:
+    """What came of a run.
+
+    Attributes:
+        frames: in which objects were followed, the first included.
+        seconds: spent in the tracker: crops, network and state, without decoding and encoding.
+        updates: calls of `update` in that time.
+        statuses: number of results by status.
+        last: the latest result of each object.
+        interrupted: whether it was asked to stop.
+        broken: why the source ended early, or None.
+        missing: frames that the source announced, but did not give; 0 where it said nothing.
+    """
+
+    frames: int = 0
+    seconds: float = 0.0
+    updates: int = 0
+    statuses: Counter[str] = field(default_factory=Counter)
+    last: dict[int, Result] = field(default_factory=dict)
+    interrupted: bool = False
+    broken: str | None = None
+    missing: int = 0
+
+    @property
+    def fps(self) -> float:
+        """Frames tracked a second; 0 before the first update."""
+        return self.updates / self.seconds if self.seconds else 0.0
+
+
+def track_video(
+    source: VideoSource,
+    tracker: ObjectTracker,
+    objects: Mapping[str, Box],
+    video: VideoWriter | None = None,
+    results: ResultsWriter | None = None,
+    max_frames: int | None = None,
+    on_frame: Callable[[Frame, Tracked], None] | None = None,
+    stop: Callable[[], bool] = lambda: False,
+) -> Tracked:
+    """Track objects from the source's first frame on, writing as it goes.
+
+    Ctrl-C and a source that breaks end the run; what was tracked until then stays written.
+
+    Args:
+        source: opened at the frame in which the boxes are.
+        tracker: without objects.
+        objects: name -> x, y, width, height in pixels of the first frame.
+        video, results: open writers, or None.
+        max_frames: stop after so many frames.
+        on_frame: called after each frame.
+        stop: asked after each frame whether to stop.
+
+    Raises:
+        ValueError: a box that the tracker refuses.
+        SourceError: the source breaks before its first frame, or has none.
+        OSError: a writer fails.
+    """
+    outcome = Tracked()
+    try:
+        for frame in source:
+            started = time.perf_counter()
+            if outcome.frames == 0:
+                for name, box in objects.items():
+                    tracker.add(frame.image, box, name)
+                outcome.last = tracker.results
+            else:
+                outcome.last = tracker.update(frame.image)
+                outcome.seconds += time.perf_counter() - started
+                outcome.updates += 1
+            outcome.statuses.update(str(r.status) for r in outcome.last.values())
+            if results is not None:
+                results.write(frame.index, frame.timestamp, outcome.last.values())
+            if video is not None:
+                video.write(draw_results(frame.image, outcome.last.values()))
+            outcome.frames += 1
+            if on_frame is not None:
+                on_frame(frame, outcome)
+            if outcome.frames == max_frames:
+                return outcome
+            if stop():
+                outcome.interrupted = True
+                return outcome
+    except KeyboardInterrupt:
+        outcome.interrupted = True
+        return outcome
+    except SourceError as error:
+        if outcome.frames == 0:
+            raise
+        outcome.broken = str(error)
+        return outcome
+    if outcome.frames == 0:
+        raise SourceError(f"{source.name} gave no frame; expected at least one")
+    if source.frame_count is not None:
+        outcome.missing = max(0, source.frame_count - (frame.index + 1))
+    return outcome

@@ -1,0 +1,72 @@
+"""What every source of frames is: an iterable of frames that knows its rate and size."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class SourceError(ValueError):
+    """A source cannot be opened or read; the message says what was found and what to do."""
+
+
+# Without eq=False the generated __eq__ would compare images and fail on their truth value.
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """One frame.
+
+    Attributes:
+        image: uint8 `[H, W, 3]` BGR.
+        index: 0-based in the source, so that with `start_frame=30` the first is 30.
+        timestamp: seconds from the source's first frame.
+    """
+
+    image: NDArray[np.uint8]
+    index: int
+    timestamp: float
+
+
+class VideoSource(ABC):
+    """An iterable of frames, to be walked once, and a context manager that closes it.
+
+    Iterating raises `SourceError` where the source turns out to be broken, after the frames
+    before that place.
+
+    Attributes:
+        name: short, for people; without the password of a stream.
+        fps: frames a second.
+        size: width and height in pixels of the first frame delivered.
+        frame_count: of the whole source, `start_frame` or not, where it is known, else None. Of a
+            video file it is what the file says of itself, which may be an estimate.
+    """
+
+    name: str
+    fps: Fraction
+    size: tuple[int, int]
+    frame_count: int | None
+
+    @abstractmethod
+    def __iter__(self) -> Iterator[Frame]:
+        """The frames from `start_frame` on."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Let go of the file or device; no frames come afterwards."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()

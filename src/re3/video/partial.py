@@ -1,0 +1,31 @@
+"""Files that appear under their name only once they are complete."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+
+class PartialFile:
+    """A hidden file beside its target, renamed to it when complete.
+
+    Args:
+        target: where the file is to appear; the folder is made if needed. A symbolic link stays
+            one: what it points to is replaced.
+
+    Attributes:
+        path: of the hidden file, to write to.
+    """
+
+    def __init__(self, target: Path) -> None:
+        self._target = Path(os.path.realpath(target))
+        self._target.parent.mkdir(parents=True, exist_ok=True)
+        self.path = self._target.with_name(f".{self._target.name}.{os.getpid()}.partial")
+
+    def commit(self) -> None:
+        """Let the file appear, in place of an older one."""
+        self.path.replace(self._target)
+
+    def discard(self) -> None:
+        """Remove what was written; nothing happens after `commit`."""
+        self.path.unlink(missing_ok=True)
