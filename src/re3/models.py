@@ -101,6 +101,10 @@ def find_weights(model: str | Path) -> Path:
         )
     weights = WEIGHTS / f"{model}.onnx"
     if not weights.is_file():
+        if cards[str(model)].shipped:
+            raise ValueError(
+                f"{weights} is missing; the installation is damaged, install re3 again"
+            )
         raise ValueError(
             f"model {str(model)!r} comes without weights; give the path of a file with its weights"
             f", or take {DEFAULT_MODEL!r}"

@@ -64,7 +64,7 @@ def test_ours_agrees_with_opencv_on_the_version_both_run(peers, moving_patch):
     theirs.init(images[0], boxes[0])
     for image in images[1:]:
         (box, _), (other, _) = ours.update(image), theirs.update(image)
-        # OpenCV rounds boxes to pixels and has v1's settings.
+        # OpenCV rounds boxes to pixels and has settings of its own.
         assert overlap(box, other) > 0.7
 
 

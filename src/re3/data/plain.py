@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from re3.data.sequence import Sequence
+from re3.natural_order import natural_key
 from re3.video.sources import IMAGE_SUFFIXES
 
 VIDEO_SUFFIXES = frozenset({".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mpeg", ".mpg", ".webm"})
@@ -174,13 +175,6 @@ def read_boxes(path: str | Path) -> NDArray[np.float64]:
     return np.array([_parse_box(line, f"{path}, line {number}") for number, line in lines])
 
 
-def natural_key(text: str) -> tuple[tuple[int, str], ...]:
-    """Sort key that puts `clip2` before `clip10`."""
-    parts = re.split(r"([0-9]+)", text)
-    # Digits compare as numbers, the text between them without regard to case.
-    return tuple((int(p), "") if p.isdecimal() else (0, p.lower()) for p in parts)
-
-
 def clip_name(clip: Path) -> str:
     """The name of a clip: that of the file without its suffix, or of the folder."""
     clip = clip.absolute()
@@ -276,4 +270,7 @@ def _has_images(folder: Path) -> bool:
 
 
 def _path_key(path: Path, folder: Path) -> tuple[tuple[tuple[int, str], ...], ...]:
-    return tuple(natural_key(part) for part in path.relative_to(folder).parts)
+    parts = path.relative_to(folder).parts
+    # Without its suffix first: bmx.mp4 comes before bmx2.mp4.
+    stem = natural_key(path.stem)
+    return (*(natural_key(part) for part in parts[:-1]), stem, natural_key(path.name))

@@ -91,7 +91,7 @@ def medianflow() -> OpenCvTracker:
 
 
 def nanotrack(backbone: Path, head: Path) -> OpenCvTracker:
-    """NanoTrack v1 or v2 through `cv2.TrackerNano`; OpenCV's settings are v1's for both."""
+    """NanoTrack v1 or v2 through `cv2.TrackerNano`, which has settings of its own, fixed."""
     parameters = cv2.TrackerNano.Params()
     parameters.backbone = str(backbone)
     parameters.neckhead = str(head)

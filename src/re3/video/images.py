@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
@@ -11,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from re3.natural_order import natural_key
 from re3.video.base import Frame, SourceError, VideoSource
 
 IMAGE_SUFFIXES = frozenset({".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp"})
@@ -54,19 +54,13 @@ class ImageSource(VideoSource):
 def sorted_images(paths: Iterable[Path]) -> list[Path]:
     """The images among the files, hidden ones left out, `img2` before `img10`."""
     images = (p for p in paths if is_image(p) and not p.name.startswith("."))
-    return sorted(images, key=natural_key)
+    # The path itself decides between img1 and img01.
+    return sorted(images, key=lambda path: (natural_key(str(path)), str(path)))
 
 
 def is_image(path: Path) -> bool:
     """Whether the name is that of an image."""
     return path.suffix.lower() in IMAGE_SUFFIXES
-
-
-def natural_key(path: Path) -> tuple[list[str | int], str]:
-    """Sort key by which `img2` comes before `img10`, and a folder's images stay together."""
-    parts = re.split(r"(\d+)", str(path).lower())
-    # The path itself decides between img1 and img01.
-    return [int(part) if part.isdecimal() else part for part in parts], str(path)
 
 
 def _read_image(path: Path) -> NDArray[np.uint8]:
