@@ -7,6 +7,8 @@ BIN := $(VENV)/bin
 # The CPU build of torch by version: a bare "torch" may pull gigabytes of CUDA.
 TORCH ?= torch==2.13.0
 SHARED_DATA ?= ../shared/data
+# More trackers for `make eval`, such as EVAL="-t nanotrack-v2 -t nanotrack-v3".
+EVAL ?=
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 .PHONY: demo test lint eval train clean
@@ -23,8 +25,8 @@ lint: $(VENV)/.development
 	$(BIN)/mypy
 
 eval: $(VENV)/.tracking
-	$(BIN)/re3 eval $(SHARED_DATA)/val/davis $(SHARED_DATA)/test/otb --out out/eval \
-	    --tracker re3-lite --tracker kcf --tracker csrt --tracker mosse --tracker first-box
+	$(BIN)/re3 eval $(SHARED_DATA)/val/davis $(SHARED_DATA)/val/segtrack $(SHARED_DATA)/test/otb \
+	    -t re3-lite -t kcf -t kcf-persistent -t csrt -t mosse -t first-box $(EVAL) --out out/eval
 
 train: $(VENV)/.development
 	nice $(BIN)/re3 train --model re3-lite --data $(SHARED_DATA)/train --out runs/re3-lite
