@@ -168,8 +168,8 @@ def crop(
     """
     height, width = image.shape[:2]
     left, top, right, bottom = np.asarray(region_xyxy, dtype=np.float64)
-    shrink = min((right - left), (bottom - top)) / size
-    if shrink <= SHRINK_BEFORE_WARP:
+    shrink = max((right - left), (bottom - top)) / size
+    if shrink < SHRINK_BEFORE_WARP:
         return cv2.warpAffine(
             image,
             crop_transform((left, top, right, bottom), size, size),
@@ -178,17 +178,22 @@ def crop(
             borderMode=cv2.BORDER_CONSTANT,
             borderValue=fill,
         )
-    # Shrink the visible part by area averaging first, then warp what remains.
+    # Average whole blocks of pixels first (OpenCV is several times faster at that than at averaging
+    # by a fraction), then warp what remains.
     x0, y0 = max(int(np.floor(left)), 0), max(int(np.floor(top)), 0)
     x1, y1 = min(int(np.ceil(right)), width), min(int(np.ceil(bottom)), height)
     if x1 <= x0 or y1 <= y0:
         return np.full((size, size, 3), fill, dtype=np.uint8)
+    block_x = min(max(int((right - left) / size), 1), x1 - x0)
+    block_y = min(max(int((bottom - top) / size), 1), y1 - y0)
+    columns, rows = -((x0 - x1) // block_x), -((y0 - y1) // block_y)
     part = image[y0:y1, x0:x1]
-    small_width = max(1, round((x1 - x0) * size / (right - left)))
-    small_height = max(1, round((y1 - y0) * size / (bottom - top)))
-    small = cv2.resize(part, (small_width, small_height), interpolation=cv2.INTER_AREA)
-    ratio = np.array([small_width / (x1 - x0), small_height / (y1 - y0)] * 2)
-    region = (np.array([left, top, right, bottom]) - [x0, y0, x0, y0]) * ratio
+    lacking = rows * block_y - (y1 - y0), columns * block_x - (x1 - x0)
+    if any(lacking):  # complete the last blocks
+        part = cv2.copyMakeBorder(part, 0, lacking[0], 0, lacking[1], cv2.BORDER_REPLICATE)
+    small = cv2.resize(part, (columns, rows), interpolation=cv2.INTER_AREA)
+    offset = np.array([x0, y0, x0, y0])
+    region = (np.array([left, top, right, bottom]) - offset) / [block_x, block_y, block_x, block_y]
     return cv2.warpAffine(
         small,
         crop_transform(region, size, size),
@@ -199,8 +204,9 @@ def crop(
     )
 
 
-SHRINK_BEFORE_WARP = 1.5
-"""Regions that shrink by more than this on their shorter side are averaged before the warp."""
+SHRINK_BEFORE_WARP = 2.0
+"""Regions that shrink by this or more along either side are averaged before the warp, which by
+itself looks at two pixels a side."""
 
 
 def clip_inside(boxes_xyxy: ArrayLike, width: float, height: float) -> Floats:

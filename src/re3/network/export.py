@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +54,7 @@ def export_onnx(network: Network, path: str | Path, *, half_weights: bool = True
     try:
         _trace(network, partial)
         model = onnx.load(str(partial))
+        _pad_in_convolutions(model)
         if half_weights:
             _halve(model)
         entry = model.metadata_props.add()
@@ -93,6 +95,35 @@ def _trace(network: Network, path: Path) -> None:
             dynamo=False,
         )
     network.train(training)
+
+
+def _pad_in_convolutions(model: onnx.ModelProto) -> None:
+    """Let convolutions pad for themselves: ONNX can pad unevenly, torch's convolution cannot.
+
+    Separate padding took 1.2 of 8.8 ms a step.
+    """
+    graph = model.graph
+    makers = {output: node for node in graph.node for output in node.output}
+    uses = Counter(name for node in graph.node for name in node.input)
+    for node in graph.node:
+        pad = makers.get(node.input[0]) if node.op_type == "Conv" else None
+        if pad is None or pad.op_type != "Pad" or uses[pad.output[0]] != 1:
+            continue
+        amounts = _constant(pad.input[1], makers)
+        if amounts is None or amounts[[0, 1, 4, 5]].any():
+            continue  # of unknown size, or along batch or channels
+        own = next(attribute for attribute in node.attribute if attribute.name == "pads")
+        own.ints[:] = [int(a + b) for a, b in zip(own.ints, amounts[[2, 3, 6, 7]], strict=True)]
+        node.input[0] = pad.input[0]
+        graph.node.remove(pad)
+
+
+def _constant(name: str, makers: dict[str, onnx.NodeProto]) -> np.ndarray | None:
+    """The value of a tensor that a Constant node makes, else None."""
+    node = makers.get(name)
+    if node is None or node.op_type != "Constant":
+        return None
+    return numpy_helper.to_array(node.attribute[0].t)
 
 
 def _halve(model: onnx.ModelProto) -> None:

@@ -23,7 +23,6 @@ from re3.model_spec import CropSpec, ModelSpec
 from re3.network.efficientnet_lite import (
     OUT_CHANNELS,
     PIXEL_MEAN,
-    PIXEL_SCALE,
     EfficientNetLite0,
 )
 from re3.network.peephole_lstm import CellState, FactoredLSTM
@@ -351,8 +350,7 @@ class Re3Lite(nn.Module):
 
     def features(self, crops: Tensor) -> Features:
         """Trunk maps of uint8 `[N, S, S, 3]` BGR crops."""
-        images = crops.flip(3).permute(0, 3, 1, 2).float()
-        return self.trunk((images - PIXEL_MEAN) / PIXEL_SCALE)
+        return self.trunk(crops.permute(0, 3, 1, 2).float() - PIXEL_MEAN)
 
     def forward(
         self, previous_crops: Tensor, current_crops: Tensor, state: LiteState
