@@ -320,3 +320,15 @@ def test_import_is_light():
     outputs = [run.stdout.split() for run in runs]
     assert all(output[1:] == ["False", "False"] for output in outputs)
     assert min(float(output[0]) for output in outputs) < 0.5
+
+
+def test_the_shipped_model_holds_on_to_the_person(walk):
+    frames, boxes = walk
+    drawn_by_hand = {30: (384, 14, 128, 378), 110: (398, 16, 140, 374)}
+    tracker = re3.Tracker()
+    tracker.init(frames[0], boxes[0])
+    for index, frame in enumerate(frames[1:], start=1):
+        result = tracker.update(frame)
+        if index in drawn_by_hand:
+            assert geometry.iou_xywh(result.box_xywh, drawn_by_hand[index]) > 0.6
+            assert result.status is Status.TRACKED
