@@ -11,11 +11,14 @@ import numpy as np
 import onnx
 import torch
 from onnx import TensorProto, helper, numpy_helper
+from onnx.reference import ReferenceEvaluator
 from torch import Tensor, nn
 
 from re3.model_spec import SPEC_KEY
 from re3.network.variants import Network
 from re3.network.weights import HALF_SUFFIX
+
+OPSET = 17
 
 HALF_FROM = 256
 """Weights with fewer elements stay in single precision: they cost nothing."""
@@ -91,7 +94,7 @@ def _trace(network: Network, path: Path) -> None:
             # fuses when it loads.
             do_constant_folding=False,
             training=torch.onnx.TrainingMode.PRESERVE,
-            opset_version=17,
+            opset_version=OPSET,
             dynamo=False,
         )
     network.train(training)
@@ -103,27 +106,39 @@ def _pad_in_convolutions(model: onnx.ModelProto) -> None:
     Separate padding took 1.2 of 8.8 ms a step.
     """
     graph = model.graph
-    makers = {output: node for node in graph.node for output in node.output}
+    nodes = list(graph.node)
+    makers = {output: node for node in nodes for output in node.output}
     uses = Counter(name for node in graph.node for name in node.input)
-    for node in graph.node:
+    for node in nodes:
         pad = makers.get(node.input[0]) if node.op_type == "Conv" else None
         if pad is None or pad.op_type != "Pad" or uses[pad.output[0]] != 1:
             continue
-        amounts = _constant(pad.input[1], makers)
-        if amounts is None or amounts[[0, 1, 4, 5]].any():
-            continue  # of unknown size, or along batch or channels
+        amounts = _constant(pad.input[1], nodes, makers)
+        if amounts[[0, 1, 4, 5]].any():
+            continue  # along batch or channels
         own = next(attribute for attribute in node.attribute if attribute.name == "pads")
         own.ints[:] = [int(a + b) for a, b in zip(own.ints, amounts[[2, 3, 6, 7]], strict=True)]
         node.input[0] = pad.input[0]
         graph.node.remove(pad)
 
 
-def _constant(name: str, makers: dict[str, onnx.NodeProto]) -> np.ndarray | None:
-    """The value of a tensor that a Constant node makes, else None."""
-    node = makers.get(name)
-    if node is None or node.op_type != "Constant":
-        return None
-    return numpy_helper.to_array(node.attribute[0].t)
+def _constant(
+    name: str, nodes: list[onnx.NodeProto], makers: dict[str, onnx.NodeProto]
+) -> np.ndarray:
+    """The value of a tensor that follows from constants alone; nodes are in order."""
+    needed: set[str] = set()
+    wanted = [name]
+    while wanted:
+        one = wanted.pop()
+        if one and one not in needed:
+            needed.add(one)
+            wanted.extend(makers[one].input)
+    nodes = [node for node in nodes if node.output[0] in needed]
+    output = helper.make_tensor_value_info(name, TensorProto.INT64, None)
+    graph = helper.make_graph(nodes, "constant", [], [output])
+    opset = [helper.make_opsetid("", OPSET)]
+    (value,) = ReferenceEvaluator(helper.make_model(graph, opset_imports=opset)).run(None, {})
+    return np.asarray(value)
 
 
 def _halve(model: onnx.ModelProto) -> None:
