@@ -1,5 +1,7 @@
 """Decoded frames on disk, and clips drawn from tracks."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -41,6 +43,14 @@ def test_the_store_decodes_once_and_maps_afterwards(video, tmp_path):
     again, _ = FrameStore(tmp_path / "store").frames(video)
     assert kept.stat().st_mtime_ns == before
     np.testing.assert_array_equal(again, frames)
+
+
+def test_threads_may_ask_the_store_at_once(video, tmp_path):
+    store = FrameStore(tmp_path / "store")
+    with ThreadPoolExecutor(4) as pool:
+        asked = list(pool.map(lambda _: store.frames(video), range(4)))
+    assert all(frames is asked[0][0] for frames, _ in asked)
+    assert len(list((tmp_path / "store").iterdir())) == 1
 
 
 def test_the_store_shrinks_large_frames(video, tmp_path):

@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import os
 from pathlib import Path
+from threading import Lock
 
 import cv2
 import numpy as np
@@ -35,6 +36,7 @@ class FrameStore:
     def __init__(self, folder: str | Path | None = None, longest_side: int = 640) -> None:
         self.folder = Path(folder) if folder is not None else default_folder()
         self.longest_side = longest_side
+        self._lock = Lock()
         self._open: dict[Path, tuple[NDArray[np.uint8], float]] = {}
 
     def frames(self, source: Path) -> tuple[NDArray[np.uint8], float]:
@@ -47,9 +49,10 @@ class FrameStore:
         Raises:
             ValueError: frames of several sizes, or what `re3.video.open_source` raises.
         """
-        if source not in self._open:
-            self._open[source] = self._load(source)
-        return self._open[source]
+        with self._lock:  # clips are drawn by several threads
+            if source not in self._open:
+                self._open[source] = self._load(source)
+            return self._open[source]
 
     def _load(self, source: Path) -> tuple[NDArray[np.uint8], float]:
         stat = source.stat()
