@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from fractions import Fraction
+from itertools import chain
 
 import cv2
 
@@ -33,21 +34,19 @@ class CameraSource(VideoSource):
             )
         rate = self._capture.get(cv2.CAP_PROP_FPS)
         self.fps = Fraction(rate if 0 < rate < 1000 else 30).limit_denominator(1001)
-        self._frames = self._read(start_frame)
+        frames = self._read(start_frame)
         try:
             # Read at once: a camera that opens may still give nothing, or another size than it
             # said.
-            self._first: Frame | None = next(self._frames)
+            first = next(frames)
         except SourceError:
             self.close()
             raise
-        height, width = self._first.image.shape[:2]
+        height, width = first.image.shape[:2]
         self.size = (width, height)
+        self._frames = chain((first,), frames)
 
     def __iter__(self) -> Iterator[Frame]:
-        if self._first is not None:
-            first, self._first = self._first, None
-            yield first
         yield from self._frames
 
     def close(self) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Generator, Iterator
 from fractions import Fraction
+from itertools import chain
 from pathlib import Path
 
 import av
@@ -49,7 +50,7 @@ class ContainerSource(VideoSource):
         self.name = self._shown if self._live else Path(location).name
         self._container = self._open(location)
         self._decoded = 0
-        self._frames = self._decode(start_frame)
+        self._decoder = self._decode(start_frame)
         try:
             if not self._container.streams.video:
                 raise SourceError(
@@ -62,25 +63,23 @@ class ContainerSource(VideoSource):
                 self._stream.average_rate or self._stream.guessed_rate or FALLBACK_RATE
             )
             self.frame_count = self._stream.frames or self._estimated_count()
-            self._first = next(self._frames, None)
-            if self._first is None:
+            first = next(self._decoder, None)
+            if first is None:
                 raise SourceError(self._why_no_frame(start_frame))
         except SourceError:
             self.close()
             raise
-        height, width = self._first.image.shape[:2]
+        height, width = first.image.shape[:2]
         self.size = (width, height)
+        self._frames: Iterator[Frame] = chain((first,), self._decoder)
 
     def __iter__(self) -> Iterator[Frame]:
-        if self._first is not None:
-            first, self._first = self._first, None
-            yield first
         yield from self._frames
 
     def close(self) -> None:
         # Ended first: a decoder that goes on reading a closed container would crash.
-        self._first = None
-        self._frames.close()
+        self._decoder.close()
+        self._frames = iter(())
         self._container.close()
 
     def _open(self, location: str) -> av.container.InputContainer:
