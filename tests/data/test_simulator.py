@@ -1,6 +1,7 @@
 """Simulated scenes, from pictures that the test draws."""
 
 import json
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -110,6 +111,23 @@ def test_objects_move_and_change(stills):
     sizes = [np.ptp(s.boxes_xyxy[:, 2] - s.boxes_xyxy[:, 0]) for s in scenes]
     assert np.median(moved) > 5
     assert np.nanmedian(sizes) > 1
+
+
+def test_masked_objects_change_their_shape_and_the_box_follows(stills):
+    masked = [still for still in stills if still.mask is not None]
+    config = SimulationConfig(
+        occluders=0.0, twin=0.0, other=0.0, foreign=0.0, object_pixels=(60.0, 61.0),
+        bent=1.0, bending=0.08, scaling=0.0, stretching=0.0, spinning=0.0,
+    )  # fmt: skip
+    rigid = replace(config, bent=0.0)
+    ratios = {}
+    for name, kind in (("bent", config), ("rigid", rigid)):
+        scenes = [simulate(masked, 16, np.random.default_rng(s), kind) for s in range(6)]
+        boxes = np.stack([s.layers[s.target].boxes_xyxy() for s in scenes])
+        size = boxes[..., 2:] - boxes[..., :2]
+        ratios[name] = np.ptp(np.log(size[..., 0] / size[..., 1]), axis=1).max()
+    assert ratios["rigid"] < 1e-9
+    assert ratios["bent"] > 0.02
 
 
 def test_occluders_hide_the_object(stills):

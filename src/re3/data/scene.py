@@ -16,26 +16,52 @@ from re3.geometry import Floats
 
 
 @dataclass(frozen=True, eq=False)
-class Layer:
-    """A picture on an affine path.
+class Look:
+    """What a layer looks like in a frame.
 
     Attributes:
         image: uint8 `[h, w, 3]` BGR.
         alpha: uint8 `[h, w]`, or None for the background, which is reflected at its borders.
-        paths: float64 `[T, 2, 3]`, picture to scene, in pixel-corner coordinates.
         hull: float64 `[N, 2]`, convex hull of the opaque part in the picture.
     """
 
     image: NDArray[np.uint8]
     alpha: NDArray[np.uint8] | None
-    paths: Floats
     hull: Floats
+
+    @classmethod
+    def cut_out(cls, image: NDArray[np.uint8], alpha: NDArray[np.uint8]) -> Look:
+        """A picture of which the opaque part is shown."""
+        return cls(image, alpha, _hull(alpha))
+
+    @classmethod
+    def background(cls, image: NDArray[np.uint8]) -> Look:
+        """A picture that is seen everywhere."""
+        return cls(image, None, _corners(image))
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """A picture on an affine path.
+
+    Attributes:
+        looks: one for all frames, or one a frame, all of the same size.
+        paths: float64 `[T, 2, 3]`, picture to scene, in pixel-corner coordinates.
+    """
+
+    looks: list[Look]
+    paths: Floats
+
+    def look(self, frame: int) -> Look:
+        return self.looks[frame if len(self.looks) > 1 else 0]
 
     def boxes_xyxy(self) -> Floats:
         """Box of the opaque part in every frame, `[T, 4]` in scene pixels."""
-        points = np.einsum("tij,nj->tni", self.paths[:, :, :2], self.hull)
-        points += self.paths[:, None, :, 2]
-        return np.concatenate([points.min(axis=1), points.max(axis=1)], axis=1)
+        boxes = np.empty((len(self.paths), 4))
+        for frame, path in enumerate(self.paths):
+            points = self.look(frame).hull @ path[:, :2].T + path[:, 2]
+            boxes[frame] = *points.min(axis=0), *points.max(axis=0)
+        return boxes
 
 
 class Scene:
@@ -73,7 +99,7 @@ class Scene:
         scene_to_crop = geometry.crop_transform(region, width, height)
         canvas = self._background(frame, scene_to_crop, width, height)
         for layer in self.layers[1:]:
-            _blend(canvas, layer, _to_crop(layer.paths[frame], scene_to_crop))
+            _blend(canvas, layer.look(frame), _to_crop(layer.paths[frame], scene_to_crop))
         self._blank_outside(canvas, region)
         return canvas
 
@@ -82,7 +108,7 @@ class Scene:
     ) -> NDArray[np.uint8]:
         layer = self.layers[0]
         return cv2.warpAffine(
-            layer.image,
+            layer.look(frame).image,
             _to_crop(layer.paths[frame], scene_to_crop),
             (width, height),
             flags=cv2.INTER_LINEAR,
@@ -108,10 +134,9 @@ class Scene:
         hidden = np.zeros((side, side), dtype=np.uint8)
         opaque = hidden
         for index, layer in enumerate(self.layers[self.target :]):
-            assert layer.alpha is not None, "only the background has no alpha"
-            cover = cv2.warpAffine(
-                layer.alpha, _to_crop(layer.paths[frame], scene_to_grid), (side, side)
-            )
+            alpha = layer.look(frame).alpha
+            assert alpha is not None, "only the background has no alpha"
+            cover = cv2.warpAffine(alpha, _to_crop(layer.paths[frame], scene_to_grid), (side, side))
             if index == 0:
                 opaque = cover
             else:
@@ -145,12 +170,10 @@ def _to_crop(path: Floats, scene_to_crop: Floats) -> Floats:
     )
 
 
-def _blend(canvas: NDArray[np.uint8], layer: Layer, transform: Floats) -> None:
+def _blend(canvas: NDArray[np.uint8], look: Look, transform: Floats) -> None:
     """Draw a layer on the canvas, working on the rectangle it touches only."""
-    assert layer.alpha is not None, "the background is not blended"
-    height, width = layer.alpha.shape
-    corners = np.array([[0, 0], [width, 0], [0, height], [width, height]], dtype=np.float64)
-    points = corners @ transform[:, :2].T + transform[:, 2]
+    assert look.alpha is not None, "the background is not blended"
+    points = _corners(look.alpha) @ transform[:, :2].T + transform[:, 2]
     low = np.maximum(np.floor(points.min(axis=0)).astype(int) - 1, 0)
     high = np.minimum(np.ceil(points.max(axis=0)).astype(int) + 1, canvas.shape[1::-1])
     if (high <= low).any():
@@ -158,7 +181,22 @@ def _blend(canvas: NDArray[np.uint8], layer: Layer, transform: Floats) -> None:
     local = transform.copy()
     local[:, 2] -= low
     size = (int(high[0] - low[0]), int(high[1] - low[1]))
-    image = cv2.warpAffine(layer.image, local, size, borderMode=cv2.BORDER_REPLICATE)
-    alpha = cv2.warpAffine(layer.alpha, local, size)[:, :, None].astype(np.uint16)
+    image = cv2.warpAffine(look.image, local, size, borderMode=cv2.BORDER_REPLICATE)
+    alpha = cv2.warpAffine(look.alpha, local, size)[:, :, None].astype(np.uint16)
     part = canvas[low[1] : high[1], low[0] : high[0]]
     part[:] = ((image * alpha + part * (255 - alpha) + 127) // 255).astype(np.uint8)
+
+
+def _corners(image: NDArray[np.uint8]) -> Floats:
+    height, width = image.shape[:2]
+    return np.array([[0, 0], [width, 0], [0, height], [width, height]], dtype=np.float64)
+
+
+def _hull(alpha: NDArray[np.uint8]) -> Floats:
+    """Convex hull `[N, 2]` of the opaque pixels' outer corners."""
+    rows, columns = np.nonzero(alpha > 127)
+    if len(rows) == 0:  # shrunk to nothing: the whole picture stands for it
+        return _corners(alpha)
+    points = np.stack([columns, rows], axis=1).astype(np.float32)
+    hull = cv2.convexHull(points)[:, 0].astype(np.float64)
+    return np.concatenate([hull + np.array(offset) for offset in ((0, 0), (1, 0), (0, 1), (1, 1))])

@@ -14,7 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from re3.data.scene import Layer, Scene
+from re3.data.bending import bend, with_margin
+from re3.data.scene import Layer, Look, Scene
 from re3.data.stills import Still
 from re3.geometry import Floats
 
@@ -30,6 +31,8 @@ class SimulationConfig:
         turning: share of that speed by which the velocity changes each frame.
         scaling, stretching: standard deviation per frame of log scale and log aspect ratio.
         spinning: standard deviation per frame of the rotation, radians; masked objects only.
+        bent: probability that a masked object changes its shape.
+        bending: mean amplitude of those changes.
         camera: range, log-uniform, of the camera's speed, per frame.
         occluders: mean number of occluders for a clip of 8 frames or more; half for shorter ones.
         twin: probability of a copy of the object moving beside it.
@@ -45,6 +48,8 @@ class SimulationConfig:
     scaling: float = 0.035
     stretching: float = 0.035
     spinning: float = 0.03
+    bent: float = 0.6
+    bending: float = 0.05
     camera: tuple[float, float] = (0.003, 0.2)
     occluders: float = 1.0
     twin: float = 0.15
@@ -165,7 +170,7 @@ class _SceneBuilder:
         alpha: NDArray[np.uint8],
         scale: float,
         centres: Floats,
-        spins: bool,
+        masked: bool,
     ) -> Layer:
         """A cut-out on the path of its centre; scale, aspect ratio and angle wander."""
         rng, config = self.rng, self.config
@@ -173,9 +178,17 @@ class _SceneBuilder:
         log_scale = np.cumsum(rng.normal(0.0, config.scaling * activity, self.frames))
         log_aspect = np.cumsum(rng.normal(0.0, config.stretching * activity, self.frames))
         log_scale, log_aspect = np.clip(log_scale, -1.2, 1.2), np.clip(log_aspect, -0.7, 0.7)
-        angle = np.cumsum(rng.normal(0.0, config.spinning * activity, self.frames)) * spins
+        angle = np.cumsum(rng.normal(0.0, config.spinning * activity, self.frames)) * masked
 
+        bent = masked and rng.random() < config.bent
+        if bent:
+            patch, alpha = with_margin(patch, alpha)
         image, alpha = _resized(patch, alpha, scale * self.resolution)
+        if bent:
+            strength = config.bending * activity
+            looks = [Look.cut_out(*o) for o in bend(image, alpha, self.frames, strength, rng)]
+        else:
+            looks = [Look.cut_out(image, alpha)]
         size = np.array(image.shape[1::-1], dtype=np.float64)
         base = scale * np.array(patch.shape[1::-1]) / size  # picture pixels to scene pixels
         paths = np.empty((self.frames, 2, 3))
@@ -185,7 +198,7 @@ class _SceneBuilder:
         paths[:, 0, 0], paths[:, 0, 1] = cos * stretch[:, 0], -sin * stretch[:, 1]
         paths[:, 1, 0], paths[:, 1, 1] = sin * stretch[:, 0], cos * stretch[:, 1]
         paths[:, :, 2] = centres - paths[:, :, :2] @ (size / 2)
-        return Layer(image, alpha, paths, _hull(alpha))
+        return Layer(looks, paths)
 
     def _backdrop_layer(self, picture: NDArray[np.uint8], zoom: float, margin: Floats) -> Layer:
         rng = self.rng
@@ -199,8 +212,7 @@ class _SceneBuilder:
         paths = np.zeros((self.frames, 2, 3))
         paths[:, 0, 0], paths[:, 1, 1] = base[0] * growth, base[1] * growth
         paths[:, :, 2] = offset
-        corners = np.array([[0, 0], [1, 0], [0, 1], [1, 1]]) * np.array(image.shape[1::-1])
-        return Layer(image, None, paths, corners.astype(np.float64))
+        return Layer([Look.background(image)], paths)
 
     def _companion(
         self,
@@ -208,7 +220,7 @@ class _SceneBuilder:
         alpha: NDArray[np.uint8],
         centres: Floats,
         own_size: float,
-        spins: bool,
+        masked: bool,
     ) -> Layer:
         """Something that moves near the object, behind it."""
         rng = self.rng
@@ -218,7 +230,7 @@ class _SceneBuilder:
         follows = rng.uniform(0.0, 1.0)
         path = beside + follows * (centres - centres[0]) + drift
         scale = self.unit * np.exp(rng.normal(0.0, 0.2)) / own_size
-        return self._layer(patch, alpha, scale, path, spins)
+        return self._layer(patch, alpha, scale, path, masked)
 
     def _occluder(self, picture: NDArray[np.uint8], centres: Floats) -> Layer:
         """A random patch that passes before the object at some moment of the clip."""
@@ -264,14 +276,3 @@ def _resized(
     if alpha is None:
         alpha = np.full(image.shape[:2], 255, dtype=np.uint8)
     return image, alpha
-
-
-def _hull(alpha: NDArray[np.uint8]) -> Floats:
-    """Convex hull `[N, 2]` of the opaque pixels' outer corners."""
-    rows, columns = np.nonzero(alpha > 127)
-    if len(rows) == 0:  # shrunk to nothing: the whole picture stands for it
-        height, width = alpha.shape
-        return np.array([[0, 0], [width, 0], [0, height], [width, height]], dtype=np.float64)
-    points = np.stack([columns, rows], axis=1).astype(np.float32)
-    hull = cv2.convexHull(points)[:, 0].astype(np.float64)
-    return np.concatenate([hull + np.array(offset) for offset in ((0, 0), (1, 0), (0, 1), (1, 1))])
