@@ -28,3 +28,10 @@ def test_scaled_changes_nothing_but_the_iterations():
 def test_an_unusable_phase_is_refused(values):
     with pytest.raises(ValueError, match="not usable"):
         Phase(*values)
+
+
+def test_passes_and_parts_have_to_fit():
+    with pytest.raises(ValueError, match="passes is 0"):
+        Recipe(phases=(), passes=0)
+    with pytest.raises(ValueError, match="batch of 6 sequences does not split into 4"):
+        Recipe(phases=(Phase(2, 8, 0.0, 1), Phase(4, 6, 0.0, 1)), parts=4)

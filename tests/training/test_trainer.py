@@ -114,6 +114,34 @@ def test_a_resumed_run_equals_an_uninterrupted_one(sampler, tmp_path):
     np.testing.assert_allclose(weights(second), weights(whole), atol=1e-6)
 
 
+def test_a_roll_out_may_be_learnt_from_in_parts_and_passes(sampler, tmp_path, monkeypatch):
+    recipe = replace(RECIPE, phases=(Phase(2, 4, 0.0, 1),), passes=3, parts=2)
+    trainer = make(sampler, tmp_path, recipe)
+    learnt = []
+    monkeypatch.setattr(
+        trainer,
+        "_learn",
+        lambda rollout, learn=trainer._learn: learnt.append(rollout) or learn(rollout),
+    )
+    trainer.train()
+    assert [len(part.targets) for part in learnt] == [3 * 2] * 6  # steps x sequences
+    for one in range(0, 6, 2):  # the two parts of a pass hold every sequence once
+        rows = torch.cat([part.targets.reshape(3, 2, 4)[1] for part in learnt[one : one + 2]])
+        assert len(torch.unique(rows, dim=0)) == 4
+
+
+def test_a_part_holds_all_steps_of_its_sequences(sampler, trunks):
+    _, rollout = roll(sampler, [False] * 3, trunks)
+    part = rollout.part(np.array([2, 0]))
+    for whole, piece in [
+        (rollout.targets, part.targets),
+        (rollout.current[1], part.current[1]),
+        (rollout.previous[2], part.previous[2]),
+    ]:
+        expected = whole.reshape(4, 3, *whole.shape[1:])[:, [2, 0]]
+        torch.testing.assert_close(piece.reshape(4, 2, *whole.shape[1:]), expected)
+
+
 def test_training_learns(sampler, tmp_path):
     losses = []
     recipe = replace(RECIPE, phases=(Phase(2, 4, 0.0, 30),), warm_up=5)

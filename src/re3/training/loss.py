@@ -19,7 +19,8 @@ class Losses:
 
     total: Tensor
     parts: dict[str, float]
-    overlap: Tensor  # [N], IoU of prediction and truth, detached
+    overlap: Tensor  # [N], IoU of prediction and truth, detached; 0 where there is no true box
+    mean_overlap: float  # over the steps with a true box
 
 
 def overlaps(predicted: Tensor, truth: Tensor) -> tuple[Tensor, Tensor]:
@@ -97,4 +98,5 @@ def tracking_loss(
             "score": score.item(),
         },
         overlap=reached,
+        mean_overlap=float(reached.sum() / has_box.sum().clamp(min=1)),
     )

@@ -89,6 +89,9 @@ class Recipe:
         gradient_norm: gradients are clipped to this norm.
         average: decay per iteration of the weight average that is validated and exported.
         seed: of weights, data and noise.
+        passes: times each roll-out is learnt from. Roll-outs cost more than gradients where the
+            trunk is frozen; a few passes give more steps of the optimiser in the same time.
+        parts: steps of the optimiser in a pass, each on its share of the sequences.
     """
 
     phases: tuple[Phase, ...]
@@ -99,8 +102,20 @@ class Recipe:
     gradient_norm: float = 2.0
     average: float = 0.998
     seed: int = 0
+    passes: int = 1
+    parts: int = 1
     noise: CropNoise = CropNoise()
     loss: LossWeights = LossWeights()
+
+    def __post_init__(self) -> None:
+        if self.passes < 1:
+            raise ValueError(f"passes is {self.passes}; expected 1 or more")
+        for phase in self.phases:
+            if self.parts < 1 or phase.batch % self.parts:
+                raise ValueError(
+                    f"a batch of {phase.batch} sequences does not split into {self.parts} equal "
+                    "parts; choose a number of parts that divides every batch"
+                )
 
     @property
     def iterations(self) -> int:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence as Several
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -54,6 +54,19 @@ class Rollout:
     hidden: Tensor
     steps: int
     put_back: float
+
+    def part(self, sequences: NDArray[np.int64]) -> Rollout:
+        """The roll-out of some of its sequences, by their position in the batch."""
+        batch = len(self.targets) // self.steps
+        rows = torch.from_numpy((np.arange(self.steps)[:, None] * batch + sequences).reshape(-1))
+        return replace(
+            self,
+            previous=_pick(self.previous, rows),
+            current=_pick(self.current, rows),
+            targets=self.targets[rows],
+            has_box=self.has_box[rows],
+            hidden=self.hidden[rows],
+        )
 
 
 def roll_out(
@@ -181,4 +194,9 @@ def _usable(predicted: Floats, truth: Floats, centre: Floats) -> NDArray[np.bool
 
 def _stack(maps: list[Features]) -> Features:
     at4, at8, at16 = (torch.cat(parts) for parts in zip(*maps, strict=True))
+    return at4, at8, at16
+
+
+def _pick(maps: Features, rows: Tensor) -> Features:
+    at4, at8, at16 = (scale[rows] for scale in maps)
     return at4, at8, at16

@@ -127,7 +127,7 @@ class Trainer:
                 losses, rollout = self._step(phase.unroll + 1, phase.batch, phase.own)
                 self.iteration += 1
                 pairs += len(rollout.targets)
-                overlap = float(losses.overlap.sum() / rollout.has_box.sum().clamp(min=1))
+                overlap = losses.mean_overlap
                 if self.iteration % 10 == 0:
                     for name, value in losses.parts.items():
                         events.add_scalar(f"loss/{name}", value, self.iteration)
@@ -171,7 +171,17 @@ class Trainer:
         rollout = roll_out(
             clips, rng.random(batch) < own, head, self.trunks, self.recipe.noise, rng, self._pool
         )
-        output = head.unroll(rollout.previous, rollout.current, steps)
+        if self.recipe.passes == self.recipe.parts == 1:
+            return self._learn(rollout), rollout
+        for _ in range(self.recipe.passes):
+            for sequences in np.split(rng.permutation(batch), self.recipe.parts):
+                losses = self._learn(rollout.part(sequences))
+        return losses, rollout
+
+    def _learn(self, rollout: Rollout) -> Losses:
+        """One step of the optimiser."""
+        head = self.network.head
+        output = head.unroll(rollout.previous, rollout.current, rollout.steps)
         losses = tracking_loss(
             output, rollout.targets, rollout.has_box, rollout.hidden, self.recipe.loss
         )
@@ -185,7 +195,7 @@ class Trainer:
         torch.nn.utils.clip_grad_norm_(head.parameters(), self.recipe.gradient_norm)
         self.optimizer.step()
         self._update_average()
-        return losses, rollout
+        return losses
 
     def _set_rate(self) -> float:
         recipe = self.recipe
