@@ -191,6 +191,19 @@ def test_a_stream_goes_on_after_a_damaged_packet(noise, served):
     assert len(indices) > 20
 
 
+def test_a_file_with_its_index_at_the_end_needs_a_server_that_can_seek(tmp_path, served):
+    with av.open(str(tmp_path / "late.mp4"), "w") as container:  # the index comes last by default
+        stream = container.add_stream("libx264", rate=25)
+        stream.width, stream.height, stream.pix_fmt = 160, 120, "yuv420p"
+        rng = np.random.default_rng(0)
+        for _ in range(30):  # larger than what FFmpeg reads ahead
+            picture = rng.integers(0, 256, (120, 160, 3), dtype=np.uint8)
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="bgr24")))
+        container.mux(stream.encode())
+    with pytest.raises(SourceError, match=r"gives no frame: .*answers range requests"):
+        open_source(f"http://{served}/late.mp4")
+
+
 def test_a_silent_stream_is_given_up(monkeypatch):
     monkeypatch.setattr("re3.video.containers.STREAM_TIMEOUT", 1.0)
     with (

@@ -112,6 +112,20 @@ class ContainerSource(VideoSource):
             f"frames; expected a start frame from 0 to {self._decoded - 1}"
         )
 
+    def _why_broken(self, error: FFmpegError) -> str:
+        if self._decoded:
+            return (
+                f"{self._shown} is broken after frame {self._decoded - 1}: {_reason(error)}; "
+                f"{self._decoded} frames could be read"
+            )
+        if self._live:
+            return (
+                f"{self._shown} gives no frame: {_reason(error)}; a video file has to come from a "
+                "server that answers range requests (Python's http.server does not): download it "
+                "and give its path, or record it with its index in front (-movflags faststart)"
+            )
+        return f"{self._shown} is broken from its first frame on: {_reason(error)}"
+
     def _decode(self, start_frame: int) -> Generator[Frame, None, None]:
         start_time: float | None = None
         try:
@@ -123,10 +137,7 @@ class ContainerSource(VideoSource):
                 if index >= start_frame:
                     yield Frame(_upright_bgr(frame), index, time - start_time)
         except FFmpegError as error:
-            raise SourceError(
-                f"{self._shown} is broken after frame {self._decoded - 1}: {_reason(error)}; "
-                f"{self._decoded} frames could be read"
-            ) from error
+            raise SourceError(self._why_broken(error)) from error
 
     def _decoded_frames(self) -> Iterator[av.VideoFrame]:
         for packet in self._container.demux(self._stream):
