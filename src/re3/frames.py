@@ -34,7 +34,11 @@ def as_bgr(frame: object) -> NDArray[np.uint8]:
         raise ValueError(f"{given}; {expected}")
     if frame.size == 0:
         raise ValueError(f"{given}, that is, no pixels; {expected}")
-    frame = np.ascontiguousarray(frame)
+    # OpenCV takes rows that lie apart, as video decoders leave them, but no gaps within a row.
+    if frame.strides[1:] != np.empty((1, *frame.shape[1:]), np.uint8).strides[1:] or (
+        frame.strides[0] < 0
+    ):
+        frame = np.ascontiguousarray(frame)
     if frame.ndim == 2 or frame.shape[2] == 1:
         return cv2.cvtColor(frame, cv2.COLOR_GRAY2BGR)
     if frame.shape[2] == 4:
