@@ -76,3 +76,44 @@ def test_more_boxes_than_frames_is_told_after_the_last_frame(pictures):
         next(frames)
     with pytest.raises(ValueError, match=r"gives 4 frames from frame 2 on.*5 boxes"):
         next(frames)
+
+
+def test_marks_and_attributes():
+    given = np.array([1, 0])
+    sequence = Sequence(
+        "clip", Path("clip.mp4"), np.array([BOX, NAN]), occluded=given, attributes=("blur",)
+    )
+    given[1] = 1
+    assert sequence.occluded.tolist() == [True, False]
+    assert sequence.attributes == ("blur",)
+    with pytest.raises(ValueError, match="read-only"):
+        sequence.occluded[0] = False
+    with pytest.raises(ValueError, match=r"'clip'.*\(3,\) marks of occlusion for 2 boxes"):
+        Sequence("clip", Path("clip.mp4"), np.array([BOX, NAN]), occluded=np.zeros(3))
+
+
+STILL = (10.0, 10.0, 30.0, 40.0)  # its diagonal is 50 pixels
+
+
+@pytest.mark.parametrize(
+    ("boxes", "told"),
+    [
+        ([STILL, STILL], []),
+        ([NAN, STILL, NAN, NAN], []),
+        ([STILL, (60, 10, 30, 40)], []),  # moves by its diagonal
+        ([STILL, (61, 10, 30, 40)], ["jump in 1 of 2 frames, first in frame 8"]),
+        ([STILL, (10, 10, 60, 80)], []),  # four times the area
+        ([STILL, (10, 10, 61, 80)], ["jump in 1 of 2 frames, first in frame 8"]),
+        ([(10, 10, 61, 80), STILL], ["jump in 1 of 2 frames, first in frame 8"]),
+        ([STILL, NAN, (90, 10, 30, 40)], []),  # across a gap
+        ([(9, 9, 4, 4), (9, 9, 3.9, 4)], ["side below 4 px in 1 of 2 frames, first in frame 8"]),
+        ([(70, 10, 30, 40)], []),  # its right edge is the frame's
+        ([(-29, 10, 30, 40), (99, 79, 30, 40), STILL], ["jump in 2 of 3 frames, first in frame 8"]),
+        ([(-30, 10, 30, 40)], ["outside the frame in 1 of 1 frames, first in frame 7"]),
+        ([(10, 80, 30, 40)], ["outside the frame in 1 of 1 frames, first in frame 7"]),
+    ],
+)
+def test_problems(boxes, told):
+    sequence = Sequence("clip", Path("clip.mp4"), np.array(boxes, dtype=float), start_frame=7)
+    assert sequence.problems((100, 80)) == told
+    assert sequence.problems() == [line for line in told if "outside" not in line]

@@ -30,6 +30,7 @@ from re3.video.sources import IMAGE_SUFFIXES
 VIDEO_SUFFIXES = frozenset({".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mpeg", ".mpg", ".webm"})
 INNER_TRUTH = "groundtruth_rect.txt"
 INNER_IMAGES = "img"
+TRACKS_SUFFIX = ".jsonl"
 
 _ABSENT = (np.nan, np.nan, np.nan, np.nan)
 _EXPECTED = "expected x,y,width,height, or nan,nan,nan,nan where the object is absent"
@@ -80,7 +81,7 @@ def read_tracks(clip: str | Path, annotation: str | Path | None = None) -> list[
             the line.
     """
     clip = _existing(Path(clip))
-    path = _existing(Path(annotation) if annotation is not None else _beside(clip, ".jsonl"))
+    path = _existing(Path(annotation) if annotation is not None else _beside(clip, TRACKS_SUFFIX))
     boxes: dict[str, dict[int, tuple[float, ...]]] = {}
     labels: dict[str, str] = {}
     seen: set[int] = set()
@@ -134,27 +135,41 @@ def read_folder(folder: str | Path) -> list[Sequence]:
     folder = _existing(Path(folder))
     if not folder.is_dir():
         raise NotADirectoryError(f"{folder} is not a folder; expected one with annotated clips")
-    sequences: list[Sequence] = []
+    clips = annotated_clips(folder)
+    if not clips:
+        raise ValueError(
+            f"{folder} holds no annotated clip; expected videos or folders of images, each with "
+            "a .txt or .jsonl file of the same name beside it"
+        )
+    return [sequence for clip, annotation in clips for sequence in read_clip(clip, annotation)]
+
+
+def annotated_clips(folder: Path) -> list[tuple[Path, Path]]:
+    """Every clip in a folder and the folders below it, each with its annotation, in natural order.
+
+    A clip with two annotations comes twice.
+    """
+    found = []
     # A folder given directly may itself be a clip of images with its truth inside.
     for path in [folder, *sorted(folder.rglob("*"), key=lambda p: _path_key(p, folder))]:
         if path.is_dir():
             if (path / INNER_TRUTH).is_file():
-                sequences.append(read_track(path, path / INNER_TRUTH))
+                found.append((path, path / INNER_TRUTH))
                 continue
             if path == folder or not _has_images(path):
                 continue
         elif path.suffix.lower() not in VIDEO_SUFFIXES:
             continue
-        if (text := _beside(path, ".txt")).is_file():
-            sequences.append(read_track(path, text))
-        if (lines := _beside(path, ".jsonl")).is_file():
-            sequences.extend(read_tracks(path, lines))
-    if not sequences:
-        raise ValueError(
-            f"{folder} holds no annotated clip; expected videos or folders of images, each with "
-            "a .txt or .jsonl file of the same name beside it"
-        )
-    return sequences
+        beside = (_beside(path, suffix) for suffix in (".txt", TRACKS_SUFFIX))
+        found += [(path, annotation) for annotation in beside if annotation.is_file()]
+    return found
+
+
+def read_clip(clip: Path, annotation: Path) -> list[Sequence]:
+    """Read a clip with an annotation of either kind; raises as `read_track` and `read_tracks`."""
+    if annotation.suffix == TRACKS_SUFFIX:
+        return read_tracks(clip, annotation)
+    return [read_track(clip, annotation)]
 
 
 def read_boxes(path: str | Path) -> NDArray[np.float64]:

@@ -11,6 +11,11 @@ from numpy.typing import NDArray
 
 from re3.video import open_source
 
+TINY_SIDE = 4.0
+"""Pixels below which a side of a box counts as tiny: hardly anything to recognise."""
+JUMP_IN_AREA = 4.0
+"""Change of a box's area within one frame, up or down, above which it counts as a jump."""
+
 
 # Without eq=False the generated __eq__ would compare arrays and fail on their truth value.
 @dataclass(frozen=True, eq=False)
@@ -27,10 +32,13 @@ class Sequence:
         label: what the object is, e.g. `person`, where the annotation says so.
         dataset: the name of the dataset, by default that of the folder the clip lies in.
         start_frame: index in the source of the first frame of the track.
+        occluded: `[T]`, True where the dataset marks the object as occluded, in part or wholly;
+            None where it marks nothing.
+        attributes: what the dataset says makes the sequence hard, e.g. `("fast motion",)`.
 
     Raises:
         ValueError: the boxes are not `[T, 4]` with T above 0, a row is neither NaN throughout nor
-            a finite box with an area, or `start_frame` is negative.
+            a finite box with an area, `start_frame` is negative, or `occluded` is not `[T]`.
     """
 
     name: str
@@ -39,6 +47,8 @@ class Sequence:
     label: str | None = None
     dataset: str = ""
     start_frame: int = 0
+    occluded: NDArray[np.bool_] | None = None
+    attributes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         boxes = np.array(self.boxes_xywh, dtype=np.float64)
@@ -58,6 +68,15 @@ class Sequence:
                 f"sequence {self.name!r}: box {boxes[row].tolist()} in row {row} is neither a "
                 "finite x, y, width, height with an area nor NaN throughout"
             )
+        if self.occluded is not None:
+            occluded = np.array(self.occluded, dtype=bool)
+            if occluded.shape != (len(boxes),):
+                raise ValueError(
+                    f"sequence {self.name!r}: {occluded.shape} marks of occlusion for "
+                    f"{len(boxes)} boxes; expected one a box"
+                )
+            occluded.flags.writeable = False
+            object.__setattr__(self, "occluded", occluded)
         boxes.flags.writeable = False
         object.__setattr__(self, "boxes_xywh", boxes)
 
@@ -69,6 +88,37 @@ class Sequence:
     def annotated(self) -> NDArray[np.bool_]:
         """`[T]`, True where the object has a box."""
         return ~np.isnan(self.boxes_xywh[:, 0])
+
+    def problems(self, frame_size: tuple[int, int] | None = None) -> list[str]:
+        """What looks wrong with the boxes, in short sentences for a person to check.
+
+        Real tracks have such frames too: an object may be small, or leap after a cut.
+
+        Args:
+            frame_size: width and height in pixels; None leaves out what lies outside.
+
+        Returns:
+            one each for boxes wholly outside the frame, boxes with a side below `TINY_SIDE`
+            pixels, and jumps: from one frame to the next the centre moves further than the
+            longer of the two boxes' diagonals, or the area changes more than `JUMP_IN_AREA`
+            times. Frames are counted from 0 in the source.
+        """
+        low, size = self.boxes_xywh[:, :2], self.boxes_xywh[:, 2:]
+        tiny = (size < TINY_SIDE).any(axis=1)
+        centre, diagonal, area = low + size / 2, np.hypot(*size.T), size.prod(axis=1)
+        moved = np.hypot(*np.diff(centre, axis=0).T)
+        far = moved > np.maximum(diagonal[1:], diagonal[:-1])
+        grown = np.maximum(area[1:] / area[:-1], area[:-1] / area[1:]) > JUMP_IN_AREA
+        found = {f"side below {TINY_SIDE:g} px": tiny, "jump": np.append(False, far | grown)}
+        if frame_size is not None:
+            outside = (low >= frame_size).any(axis=1) | (low + size <= 0).any(axis=1)
+            found = {"outside the frame": outside, **found}
+        return [
+            f"{what} in {int(frames.sum())} of {len(self)} frames, first in frame "
+            f"{self.start_frame + int(np.argmax(frames))}"
+            for what, frames in found.items()
+            if frames.any()
+        ]
 
     def frames(self) -> Iterator[NDArray[np.uint8]]:
         """The T frames of the track in order, uint8 `[H, W, 3]` BGR.
