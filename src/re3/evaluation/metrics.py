@@ -51,6 +51,11 @@ class Scores:
     sr75: float
 
     @classmethod
+    def undefined(cls) -> Scores:
+        """No figure at all."""
+        return cls(**{f.name: float("nan") for f in fields(cls)})
+
+    @classmethod
     def mean(cls, scores: list[Scores]) -> Scores:
         """The mean of each figure, every track weighing the same; undefined ones are left out."""
         return cls(**{f.name: _mean([getattr(s, f.name) for s in scores]) for f in fields(cls)})

@@ -7,14 +7,30 @@ started at the first annotated frame and never again, however far it has strayed
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from re3.data.sequence import Sequence
+from re3.evaluation.frame_log import FrameLog, Step
 from re3.evaluation.peers import SequenceTracker, TrackerFactory
+
+
+@dataclass(frozen=True)
+class Latency:
+    """How long updates take, in seconds; NaN without any.
+
+    Attributes:
+        p50, p95, p99: half, 95 % and 99 % of the updates take no longer.
+    """
+
+    p50: float
+    p95: float
+    p99: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,27 +45,47 @@ class Track:
         seconds: `[T]`, time in the tracker for each frame, without decoding; that of the first
             annotated frame is the start's. NaN where there is no box.
         failure: why the tracker stopped before the end, with the frame; None where it did not.
+        decode_seconds: `[T]`, time to read each frame; None where it was not measured.
+        unscored: the failure is not the tracker's (frames that cannot be read, a sequence without
+            truth, a result that nobody published): there is nothing to score.
     """
 
     boxes_xywh: NDArray[np.float64]
     scores: NDArray[np.float64]
     seconds: NDArray[np.float64]
     failure: str | None = None
+    decode_seconds: NDArray[np.float64] | None = None
+    unscored: bool = False
+
+    @classmethod
+    def of(cls, log: FrameLog, failure: str | None = None, unscored: bool = False) -> Track:
+        """The track of a log."""
+        return cls(log.boxes_xywh, log.scores, log.seconds, failure, log.decode_seconds, unscored)
 
     @property
     def update_seconds(self) -> NDArray[np.float64]:
         """`[N]`, time of each update, without that of the start."""
         return self.seconds[np.isfinite(self.seconds)][1:]
 
+    @property
+    def latency(self) -> Latency:
+        """Of the updates, without the start and without decoding."""
+        return latency([self])
+
 
 class TrackerFailure(Exception):
     """A tracker raised or gave something that is not a box."""
+
+
+class UnreadableFrames(ValueError):
+    """The frames of a sequence cannot be read, or there are too few."""
 
 
 def run_one_pass(
     tracker_factory: TrackerFactory,
     sequence: Sequence,
     on_frame: Callable[[int], None] | None = None,
+    log: FrameLog | None = None,
 ) -> Track:
     """Run a fresh tracker over a sequence once.
 
@@ -57,39 +93,40 @@ def run_one_pass(
         tracker_factory: makes the tracker.
         sequence: with at least one annotated frame.
         on_frame: called with the number of frames done, after each.
+        log: what the frames are noted in; one of its own by default.
 
     Returns:
         the track. A tracker that raises, or gives a box that is not four finite numbers, has
         failed: the track says why and has no boxes from there on.
 
     Raises:
-        ValueError: the sequence has no annotated frame, or its frames cannot be read.
+        ValueError: the sequence has no annotated frame.
+        UnreadableFrames: its frames cannot be read; a ValueError too.
         Whatever the factory raises.
     """
-    if not sequence.annotated.any():
-        raise ValueError(f"sequence {sequence.name!r} has no annotated frame to start at")
-    first = int(np.argmax(sequence.annotated))
-    boxes = np.full((len(sequence), 4), np.nan)
-    scores = np.full(len(sequence), np.nan)
-    seconds = np.full(len(sequence), np.nan)
+    first = first_annotated(sequence)
+    log = FrameLog(len(sequence), on_frame=on_frame) if log is None else log
     tracker = tracker_factory()
-    for index, frame in enumerate(sequence.frames()):
-        if index >= first:
+    try:
+        for index, (frame, decoded_in) in enumerate(timed_frames(sequence)):
+            if index < first:
+                log.add(index, Step.SKIPPED, decode_seconds=decoded_in)
+                continue
             started = time.perf_counter()
             try:
                 if index == first:
-                    truth = sequence.boxes_xywh[first]
-                    _start(tracker, frame, truth)
-                    box, score = truth, 1.0
+                    box, score, step = sequence.boxes_xywh[first], 1.0, Step.STARTED
+                    start(tracker, frame, box)
                 else:
-                    box, score = _follow(tracker, frame)
+                    box, score = follow(tracker, frame)
+                    step = Step.FOLLOWED
             except TrackerFailure as error:
-                return Track(boxes, scores, seconds, f"frame {index}: {error}")
-            seconds[index] = time.perf_counter() - started
-            boxes[index], scores[index] = box, score
-        if on_frame is not None:
-            on_frame(index + 1)
-    return Track(boxes, scores, seconds)
+                return Track.of(log, f"frame {index}: {error}")
+            seconds = time.perf_counter() - started
+            log.add(index, step, box, score, seconds, decoded_in)
+    finally:
+        close(tracker)
+    return Track.of(log)
 
 
 def frames_per_second(tracks: Iterable[Track]) -> float:
@@ -98,25 +135,77 @@ def frames_per_second(tracks: Iterable[Track]) -> float:
     The median, because the first updates of a network warm caches up and a busy machine stalls
     single frames.
     """
+    return 1.0 / latency(tracks).p50
+
+
+def latency(tracks: Iterable[Track]) -> Latency:
+    """Percentiles of the time of an update over all tracks."""
     times = [track.update_seconds for track in tracks]
     seconds = np.concatenate(times) if times else np.empty(0)
-    return float(1.0 / np.median(seconds)) if seconds.size else float("nan")
+    if not seconds.size:
+        return Latency(float("nan"), float("nan"), float("nan"))
+    return Latency(*(float(value) for value in np.percentile(seconds, (50, 95, 99))))
 
 
-def _start(tracker: SequenceTracker, frame: NDArray[np.uint8], box_xywh: ArrayLike) -> None:
+def decode_time(tracks: Iterable[Track]) -> float:
+    """Median time to read a frame, in seconds, over all tracks that have it; NaN without any."""
+    times = [t.decode_seconds for t in tracks if t.decode_seconds is not None]
+    seconds = np.concatenate(times) if times else np.empty(0)
+    seconds = seconds[np.isfinite(seconds)]
+    return float(np.median(seconds)) if seconds.size else float("nan")
+
+
+def first_annotated(sequence: Sequence) -> int:
+    """Index of the first frame in which the object has a box.
+
+    Raises:
+        ValueError: there is none.
+    """
+    if not sequence.annotated.any():
+        raise ValueError(f"sequence {sequence.name!r} has no annotated frame to start at")
+    return int(np.argmax(sequence.annotated))
+
+
+def timed_frames(sequence: Sequence) -> Iterator[tuple[NDArray[np.uint8], float]]:
+    """The frames of a sequence, each with the seconds it took to read it.
+
+    Raises:
+        UnreadableFrames: they cannot be read.
+    """
+    frames = sequence.frames()
+    while True:
+        started = time.perf_counter()
+        try:
+            frame = next(frames)
+        except StopIteration:
+            return
+        except (ValueError, OSError, cv2.error) as error:
+            raise UnreadableFrames(told(error)) from error
+        yield frame, time.perf_counter() - started
+
+
+def start(tracker: SequenceTracker, frame: NDArray[np.uint8], box_xywh: ArrayLike) -> None:
+    """Start a tracker at a box.
+
+    Raises:
+        TrackerFailure: it raised.
+    """
     try:
         tracker.init(frame, box_xywh)
     except Exception as error:
-        raise TrackerFailure(f"init raised {_told(error)}") from error
+        raise TrackerFailure(f"init raised {told(error)}") from error
 
 
-def _follow(
-    tracker: SequenceTracker, frame: NDArray[np.uint8]
-) -> tuple[NDArray[np.float64], float]:
+def follow(tracker: SequenceTracker, frame: NDArray[np.uint8]) -> tuple[NDArray[np.float64], float]:
+    """The box `[4]` and the score that a tracker gives for the next frame.
+
+    Raises:
+        TrackerFailure: it raised, or what it gave is not four finite numbers and a score.
+    """
     try:
         given, score = tracker.update(frame)
     except Exception as error:
-        raise TrackerFailure(f"update raised {_told(error)}") from error
+        raise TrackerFailure(f"update raised {told(error)}") from error
     try:
         box = np.asarray(given, dtype=np.float64)
         score = float(score)
@@ -127,6 +216,16 @@ def _follow(
     return box, score
 
 
-def _told(error: Exception) -> str:
+def close(tracker: SequenceTracker) -> None:
+    """Let go of a tracker: calls its `close` where it has one."""
+    closing = getattr(tracker, "close", None)
+    if closing is not None:
+        # The boxes are there; what goes wrong from here on changes none of them.
+        with suppress(Exception):
+            closing()
+
+
+def told(error: BaseException) -> str:
+    """An exception in one line."""
     # OpenCV's messages have several lines.
     return f"{type(error).__name__}: {' '.join(str(error).split())}"

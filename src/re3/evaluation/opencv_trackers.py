@@ -90,6 +90,29 @@ def medianflow() -> OpenCvTracker:
     return OpenCvTracker(cv2.legacy.TrackerMedianFlow.create, whole_pixels=False)
 
 
+def mil() -> OpenCvTracker:
+    """MIL (Babenko et al.)."""
+    return OpenCvTracker(cv2.TrackerMIL.create)
+
+
+def tld() -> OpenCvTracker:
+    """TLD (Kalal et al.)."""
+    return OpenCvTracker(cv2.legacy.TrackerTLD.create, whole_pixels=False)
+
+
+def boosting() -> OpenCvTracker:
+    """Online AdaBoost (Grabner et al.)."""
+    return OpenCvTracker(cv2.legacy.TrackerBoosting.create, whole_pixels=False)
+
+
+def vit(model: Path) -> OpenCvTracker:
+    """VitTrack, a small transformer, through `cv2.TrackerVit`."""
+    parameters = cv2.TrackerVit.Params()
+    parameters.net = str(model)
+    with _warnings_off():
+        return OpenCvTracker(lambda: cv2.TrackerVit.create(parameters))
+
+
 def nanotrack(backbone: Path, head: Path) -> OpenCvTracker:
     """NanoTrack v1 or v2 through `cv2.TrackerNano`, which has settings of its own, fixed."""
     parameters = cv2.TrackerNano.Params()

@@ -1,0 +1,107 @@
+"""`re3.Tracker` as a tracker to be evaluated, with what can be changed about it by name.
+
+Options follow a model's name or file, each after an `@`: `re3-lite@torch`, `re3-lite@no-reset`,
+`model.onnx@reset-16@threads-1`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from re3.engine import Engine, StepOutput, load_engine
+
+_WITH_OPTIONS = re.compile(r"(?P<model>.+?)(?P<options>(?:@[a-z0-9-]+)*)")
+EXPECTED_OPTIONS = "onnx, torch, no-reset, reset-N, threads-N"
+
+
+@dataclass(frozen=True)
+class OurOptions:
+    """What differs from `re3.Tracker(model)`.
+
+    Attributes:
+        engine: as `re3.Tracker` takes it.
+        threads: of the engine; 0 takes one for each core.
+        reset_interval: steps after which the recurrent state is reset (Re3, sec. III-C: 32); 0
+            never; None as the model says.
+    """
+
+    engine: str = "auto"
+    threads: int = 0
+    reset_interval: int | None = None
+
+
+def split_options(asked: str) -> tuple[str, OurOptions]:
+    """A model's name or file, and the options after it.
+
+    Raises:
+        ValueError: an unknown option.
+    """
+    match = _WITH_OPTIONS.fullmatch(asked)
+    if match is None:
+        return asked, OurOptions()
+    options = OurOptions()
+    for word in match["options"].split("@")[1:]:
+        name, _, number = word.rpartition("-")
+        if word in ("onnx", "torch"):
+            options = replace(options, engine=word)
+        elif word == "no-reset":
+            options = replace(options, reset_interval=0)
+        elif name == "reset" and number.isdecimal() and int(number) > 0:
+            options = replace(options, reset_interval=int(number))
+        elif name == "threads" and number.isdecimal() and int(number) > 0:
+            options = replace(options, threads=int(number))
+        else:
+            raise ValueError(
+                f"unknown option {word!r} in {asked!r}; expected one of {EXPECTED_OPTIONS}"
+            )
+    return match["model"], options
+
+
+class OurTracker:
+    """`re3.Tracker` with a shipped model or a model file.
+
+    Args:
+        model: name of a model or path of a model file, as `re3.Tracker` takes it.
+        options: what is to be different.
+    """
+
+    def __init__(self, model: str, options: OurOptions | None = None) -> None:
+        # Deferred: the peers can be evaluated without loading a network.
+        from re3.tracker import Tracker
+
+        options = options or OurOptions()
+        engine = load_engine(model, options.engine, options.threads)
+        if options.reset_interval is not None:
+            engine = _OtherReset(engine, options.reset_interval)
+        self._tracker = Tracker(model=model, engine=engine)
+
+    def init(self, frame: NDArray[np.uint8], box_xywh: ArrayLike) -> None:
+        """Start at a box."""
+        self._tracker.init(frame, box_xywh)
+
+    def update(self, frame: NDArray[np.uint8]) -> tuple[ArrayLike, float]:
+        """The box and its score."""
+        result = self._tracker.update(frame)
+        return result.box_xywh, result.score
+
+
+class _OtherReset:
+    """An engine whose recurrent state is to be reset at other times."""
+
+    def __init__(self, engine: Engine, reset_interval: int) -> None:
+        self._engine = engine
+        self.spec = replace(engine.spec, reset_interval=reset_interval)
+
+    def step(
+        self,
+        previous_crops: NDArray[np.uint8],
+        current_crops: NDArray[np.uint8],
+        state: Mapping[str, NDArray[np.float32]],
+    ) -> StepOutput:
+        """See `re3.engine.base.Engine.step`."""
+        return self._engine.step(previous_crops, current_crops, state)

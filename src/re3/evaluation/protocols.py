@@ -1,0 +1,199 @@
+"""The protocols by name, each described in `docs/evaluation.md`.
+
+A figure that is not defined is NaN.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from functools import lru_cache, partial
+
+from re3.data.sequence import Sequence
+from re3.evaluation.ablation import ABLATION, SENSITIVITY, ablation
+from re3.evaluation.imagenet_vid import pooled_success
+from re3.evaluation.metrics import Scores
+from re3.evaluation.protocol import Axis, Figures, Measure, Protocol
+from re3.evaluation.sequence_result import SequenceResult
+from re3.evaluation.supervised import SupervisedConfig
+from re3.evaluation.vot import STACKS, VotRuns, score_vot
+
+DEFAULT_STACK = "vot2016"
+
+
+def find_protocol(name: str, stack: str = DEFAULT_STACK) -> Protocol:
+    """A protocol by name.
+
+    Args:
+        name: `ope`, `imagenet-vid`, `ablation` or `vot`.
+        stack: of the VOT protocol, the challenge whose lengths its EAO averages over.
+
+    Raises:
+        ValueError: no such protocol, or no such challenge.
+    """
+    if stack not in STACKS:
+        raise ValueError(f"no VOT challenge {stack!r}; expected one of {', '.join(STACKS)}")
+    if name == "vot":
+        return _vot(stack)
+    if name not in _PROTOCOLS:
+        raise ValueError(f"no protocol {name!r}; expected one of {', '.join(PROTOCOLS)}")
+    return _PROTOCOLS[name]
+
+
+def _ope_figures(results: list[SequenceResult]) -> Figures:
+    return asdict(Scores.mean([result.scores for result in results]))
+
+
+def _imagenet_vid_figures(results: list[SequenceResult]) -> Figures:
+    success = pooled_success(results)
+    return {
+        "auc": success.auc,
+        "auc_after_first": success.auc_after_first,
+        "tracks": float(success.tracks),
+        "boxes": float(success.boxes),
+    }
+
+
+def _ablation_figures(results: list[SequenceResult]) -> Figures:
+    return {name: float(value) for name, value in asdict(ablation(results)).items()}
+
+
+def _vot_figures(results: list[SequenceResult], stack: str) -> Figures:
+    groups: dict[tuple[str, str], list[SequenceResult]] = {}
+    for result in results:
+        if not result.track.unscored:
+            key = (result.sequence.dataset, result.sequence.name)
+            groups.setdefault(key, []).append(result)
+    names = [measure.name for measure in _VOT_MEASURES]
+    if not groups:
+        return dict.fromkeys(names, math.nan)
+    runs = []
+    for group in groups.values():
+        sequence = group[0].sequence
+        tracks = [result.supervised for result in group if result.supervised is not None]
+        runs.append(VotRuns(sequence.name, sequence.boxes_xywh, _frame_size(sequence), tracks))
+    scores = score_vot(runs, STACKS[stack])
+    return {name: float(getattr(scores, name)) for name in names}
+
+
+@lru_cache(maxsize=4096)
+def _frame_size(sequence: Sequence) -> tuple[int, int]:
+    """Width and height: the toolkit leaves out what lies outside the frame."""
+    height, width = next(sequence.frames()).shape[:2]
+    return width, height
+
+
+_VOT_MEASURES = (
+    Measure("eao", "EAO"),
+    Measure("accuracy", "A"),
+    Measure("robustness", "R", "low"),
+    Measure("reliability", "S(30)"),
+    Measure("failures", "failures", "low", counts=True),
+)
+
+
+def _vot(stack: str) -> Protocol:
+    found = STACKS[stack]
+    lengths = (
+        "which has no EAO"
+        if found.interval is None
+        else f"EAO over lengths {found.interval[0]} to {found.interval[1]}"
+    )
+    return Protocol(
+        name="vot",
+        title=f"VOT's supervised experiment, {stack}",
+        conventions=(
+            f"The supervised experiment of VOT with the settings of {stack}, {lengths}: a tracker "
+            "has failed where its box and the truth do not overlap, and is started again with the "
+            f"truth {found.restart_after} frames later; {found.burn_in} frames from a start on do "
+            "not count for accuracy (A). Robustness (R) is failures a sequence, less is better; "
+            "both are weighted by the sequences' lengths. S(30): chance of following for "
+            "30 frames."
+        ),
+        supervised=SupervisedConfig(restart_after=found.restart_after),
+        summarise=partial(_vot_figures, stack=stack),
+        measures=_VOT_MEASURES,
+        by_sequence=("accuracy", "failures"),
+        pools_repeats=True,
+        trade_off=(
+            Axis("accuracy", "accuracy A: mean overlap, burn-in left out"),
+            Axis("reliability", "robustness S(30): chance of following for 30 frames"),
+        ),
+    )
+
+
+_PROTOCOLS = {
+    protocol.name: protocol
+    for protocol in (
+        Protocol(
+            name="ope",
+            title="One-pass evaluation",
+            conventions=(
+                "One pass, started at the first annotated frame with the truth, never "
+                "re-initialised. AUC: 21 thresholds, first frame included. P@20: centres within "
+                "20 pixels. NP: area under the precision curve normalised by the true size, 0 to "
+                "0.5. AO, SR.50, SR.75: first frame left out. Each figure is the mean over "
+                "sequences."
+            ),
+            supervised=None,
+            summarise=_ope_figures,
+            measures=(
+                Measure("auc", "AUC"),
+                Measure("precision", "P@20"),
+                Measure("normalised_precision", "NP"),
+                Measure("ao", "AO"),
+                Measure("sr50", "SR.50"),
+                Measure("sr75", "SR.75"),
+            ),
+            by_sequence=("auc", "precision"),
+        ),
+        Protocol(
+            name="imagenet-vid",
+            title="Imagenet Video, one pass",
+            conventions=(
+                "One pass (Re3, sec. IV-B), started at the first annotated frame with the truth, "
+                "never re-initialised. AUC of one success curve over all boxes of all tracks, 21 "
+                "thresholds, first frames included with overlap 1; the other AUC leaves them out."
+            ),
+            supervised=None,
+            summarise=_imagenet_vid_figures,
+            measures=(
+                Measure("auc", "AUC"),
+                Measure("auc_after_first", "AUC without first frames"),
+                Measure("tracks", "tracks", None, counts=True),
+                Measure("boxes", "boxes", None, counts=True),
+            ),
+            by_sequence=("auc",),
+            pools_boxes=True,
+        ),
+        Protocol(
+            name="ablation",
+            title="Ablation study, with restarts",
+            conventions=(
+                "Re3, Table I. A track is dropped where box and truth do not overlap; five frames "
+                "are passed over and the tracker is started with the truth in the sixth, and ten "
+                "frames from there on do not count. Accuracy: mean overlap over the counted "
+                "frames of all sequences. Robustness: e^(-30 drops / frames), over all annotated "
+                "frames. Average: the mean of both."
+            ),
+            supervised=ABLATION,
+            summarise=_ablation_figures,
+            measures=(
+                Measure("accuracy", "accuracy"),
+                Measure("drops", "drops", "low", counts=True),
+                Measure("robustness", "robustness"),
+                Measure("average", "average"),
+                Measure("frames", "frames", None, counts=True),
+            ),
+            by_sequence=("accuracy", "drops"),
+            pools_boxes=True,
+            trade_off=(
+                Axis("accuracy", "accuracy: mean overlap of the counted frames"),
+                Axis("robustness", f"robustness: exp(-{SENSITIVITY:.0f} · drops / frames)"),
+            ),
+        ),
+    )
+}
+
+PROTOCOLS = (*_PROTOCOLS, "vot")
+"""Names of the protocols."""

@@ -1,0 +1,168 @@
+"""A run as a whole: where its results come from, its figures, and what to know besides them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+from re3.evaluation.environment import Environment
+from re3.evaluation.one_pass import Latency, decode_time, frames_per_second, latency
+from re3.evaluation.protocol import Figures, Protocol, RepeatedFigures, over_repeats
+from re3.evaluation.sequence_result import SequenceResult, grouped
+
+
+@dataclass(frozen=True, eq=False)
+class TrackerRow:
+    """One tracker on one dataset.
+
+    Attributes:
+        dataset, tracker: their names.
+        sequences: how many were run, each counted once.
+        failed: how many runs broke off.
+        figures: of the protocol.
+        fps: one over the median time of an update.
+        latency: percentiles of that time.
+        decode_seconds: median time to read a frame.
+    """
+
+    dataset: str
+    tracker: str
+    sequences: int
+    failed: int
+    figures: RepeatedFigures
+    fps: float
+    latency: Latency
+    decode_seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class SequenceRow:
+    """All trackers on one sequence.
+
+    Attributes:
+        dataset, sequence: their names.
+        frames: length of the sequence.
+        figures: tracker -> figures of the protocol, of repetitions their mean; NaN where there is
+            nothing to score.
+        failed: trackers that stopped before the end.
+    """
+
+    dataset: str
+    sequence: str
+    frames: int
+    figures: dict[str, Figures]
+    failed: frozenset[str]
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """The results of a run and where they come from.
+
+    Attributes:
+        command: what was typed.
+        data: the folders given.
+        environment: machine, date, versions.
+        protocol: that trackers were run with.
+        jobs: how many ran at the same time; with more than one, times say nothing of a tracker.
+        results: as `re3.evaluation.runner.run` gives them.
+    """
+
+    command: str
+    data: tuple[str, ...]
+    environment: Environment
+    protocol: Protocol
+    jobs: int
+    results: list[SequenceResult]
+
+    @property
+    def datasets(self) -> list[str]:
+        """Their names, in order of appearance."""
+        return list(dict.fromkeys(result.sequence.dataset for result in self.results))
+
+    @property
+    def trackers(self) -> list[str]:
+        """Their names, in order of appearance."""
+        return list(dict.fromkeys(result.tracker for result in self.results))
+
+    @property
+    def timing_is_comparable(self) -> bool:
+        """Each tracker had the machine to itself."""
+        return self.jobs <= 1
+
+    @cached_property
+    def tracker_rows(self) -> list[TrackerRow]:
+        """A row for each dataset and tracker, in order of appearance."""
+        rows = []
+        for (dataset, tracker), group in grouped(self.results).items():
+            tracks = [result.track for result in group]
+            rows.append(
+                TrackerRow(
+                    dataset=dataset,
+                    tracker=tracker,
+                    sequences=len({result.sequence.name for result in group}),
+                    failed=sum(track.failure is not None for track in tracks),
+                    figures=over_repeats(self.protocol, group),
+                    fps=frames_per_second(tracks),
+                    latency=latency(tracks),
+                    decode_seconds=decode_time(tracks),
+                )
+            )
+        return rows
+
+    @cached_property
+    def sequence_rows(self) -> list[SequenceRow]:
+        """A row for each sequence, in order of appearance."""
+        groups: dict[tuple[str, str], dict[str, list[SequenceResult]]] = {}
+        for result in self.results:
+            trackers = groups.setdefault((result.sequence.dataset, result.sequence.name), {})
+            trackers.setdefault(result.tracker, []).append(result)
+        return [
+            SequenceRow(
+                dataset=dataset,
+                sequence=name,
+                frames=len(next(iter(trackers.values()))[0].sequence),
+                figures={tracker: self.figures_of(group) for tracker, group in trackers.items()},
+                failed=frozenset(
+                    tracker
+                    for tracker, group in trackers.items()
+                    if any(result.track.failure is not None for result in group)
+                ),
+            )
+            for (dataset, name), trackers in groups.items()
+        ]
+
+    def figures_of(self, results: list[SequenceResult]) -> Figures:
+        """The protocol's figures of one tracker's results; NaN where there is nothing to score."""
+        scored = [result for result in results if not result.track.unscored]
+        if not scored:
+            return {measure.name: math.nan for measure in self.protocol.measures}
+        return over_repeats(self.protocol, scored).mean
+
+
+def notes(run: Run) -> list[str]:
+    """What a reader must know besides the figures, a sentence each."""
+    said = []
+    for result in run.results:
+        if result.track.failure is None:
+            continue
+        if result.track.unscored:
+            meaning = "left out of the figures"
+        elif run.protocol.one_pass:
+            meaning = "the frames from there on count as missed"
+        else:
+            meaning = "counted as a failure there, and not started again"
+        name, failure = result.sequence.name, result.track.failure
+        said.append(f"{result.tracker} failed on {name}, {failure}; {meaning}")
+    for (dataset, tracker), group in grouped(run.results).items():
+        if reused := sum(result.reused for result in group):
+            said.append(
+                f"{reused} of {len(group)} results of {tracker} on {dataset} were taken from an "
+                "earlier run, boxes and times"
+            )
+    if not run.timing_is_comparable:
+        said.append(
+            f"{run.jobs} sequences ran at the same time: the speeds are not those of a tracker "
+            "that has the machine to itself; measure them with --jobs 1"
+        )
+    return said

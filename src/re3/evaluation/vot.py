@@ -1,0 +1,288 @@
+"""The measures of the VOT challenges' supervised experiment: accuracy, robustness, EAO.
+
+Kristan et al.: A novel performance evaluation methodology for single-target trackers, TPAMI 2016;
+The Visual Object Tracking VOT2015 challenge results, ICCVW 2015, for the expected average overlap.
+What is computed is what vot-toolkit 0.9.0 computes in `vot.analysis.supervised`, from the same
+trajectories to the same figures; its conventions, which the papers leave open:
+
+* Overlap is counted in whole pixels, see `pixel_overlaps`.
+* Accuracy of a run is the mean overlap over the frames the tracker followed, without the frame of
+  a start and the `burn_in - 1` after it; 0 where no frame is left. Accuracy of a sequence is the
+  mean over its runs, and that of a data set the mean over sequences weighted by their number of
+  *frames*, not of the frames that counted.
+* Robustness is the number of failures in a sequence, mean over its runs, then over sequences with
+  the same weights. Less is better.
+* For the expected average overlap every run is cut into fragments, from each start to the frame
+  before the failure, and one from the last start to the end. A fragment that ended in a failure
+  goes on for ever with overlap 0; one that reached the end counts up to its length only. The
+  curve's value at t is the mean over fragments of their mean overlap over frames 1..t after the
+  start (frame 0, the start, has none), and EAO is the mean of the curve from `low` to `high`, both
+  included, or as far as the curve goes. Where it ends before `low` there is no EAO (NaN).
+
+The toolkit knows no frame without truth: it would call each a failure. Here such frames count
+neither for accuracy nor in a fragment.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence as List
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from re3.evaluation.supervised import Step, SupervisedTrack
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class VotStack:
+    """A VOT challenge as the toolkit describes it: its experiment `baseline` and the analyses.
+
+    Attributes:
+        name: the challenge, e.g. `vot2016`.
+        toolkit_name: the toolkit's name of its description, e.g. `vot2016/rgb`.
+        interval: first and last length in frames, both included, over which EAO averages; None
+            where the challenge has no EAO.
+        repetitions: runs of each sequence; the toolkit stops at three that are equal.
+        restart_after: frames from a failure to the next start.
+        burn_in: frames from a start on that do not count for accuracy, the start among them.
+        sensitivity: length in frames at which the AR plot asks for the chance of survival.
+
+    Raises:
+        ValueError: a number is out of its range.
+    """
+
+    name: str
+    toolkit_name: str
+    interval: tuple[int, int] | None
+    repetitions: int = 15
+    restart_after: int = 5
+    burn_in: int = 10
+    sensitivity: float = 30.0
+
+    def __post_init__(self) -> None:
+        if self.interval is not None and not 0 <= self.interval[0] <= self.interval[1]:
+            raise ValueError(f"interval is {self.interval}; expected two lengths, 0 <= low <= high")
+        if self.repetitions < 1 or self.restart_after < 1 or self.burn_in < 0:
+            raise ValueError(
+                f"repetitions {self.repetitions}, restart_after {self.restart_after}, burn_in "
+                f"{self.burn_in}; expected at least 1, 1 and 0"
+            )
+        if not self.sensitivity >= 1:
+            raise ValueError(f"sensitivity is {self.sensitivity}; expected 1 frame or more")
+
+
+STACKS = {
+    stack.name: stack
+    for stack in (
+        VotStack("vot2013", "vot2013", None),
+        VotStack("vot2014", "vot2014", None),
+        VotStack("vot2015", "vot2015/rgb", (108, 371)),
+        VotStack("vot2016", "vot2016/rgb", (108, 371)),
+        VotStack("vot2017", "vot2017", (100, 356)),
+        VotStack("vot2018", "vot2018/shortterm", (100, 356)),
+    )
+}
+"""The challenges with a supervised experiment, with the figures of vot-toolkit 0.9.0."""
+
+
+@dataclass(frozen=True, eq=False)
+class VotRuns:
+    """All runs of one tracker on one sequence.
+
+    Attributes:
+        name: of the sequence.
+        truth_xywh: `[T, 4]` in pixels, NaN where there is no truth.
+        size: width and height of the frames in pixels; what lies outside does not count.
+        runs: one or more, each of T frames.
+
+    Raises:
+        ValueError: no run, one of another length, or one whose frames could not be read.
+    """
+
+    name: str
+    truth_xywh: Floats
+    size: tuple[int, int]
+    runs: List[SupervisedTrack]
+
+    def __post_init__(self) -> None:
+        if not self.runs:
+            raise ValueError(f"sequence {self.name!r} has no run; expected one or more")
+        for run in self.runs:
+            if len(run.steps) != len(self.truth_xywh):
+                raise ValueError(
+                    f"sequence {self.name!r} has {len(self.truth_xywh)} frames, but a run has "
+                    f"{len(run.steps)}; expected as many"
+                )
+            if run.unscored:
+                raise ValueError(
+                    f"sequence {self.name!r} cannot be scored, its frames could not be read: "
+                    f"{run.failure}"
+                )
+
+
+@dataclass(frozen=True, eq=False)
+class VotScores:
+    """The figures of a tracker on a set of sequences.
+
+    Attributes:
+        accuracy: mean overlap, 0..1, more is better.
+        robustness: failures a sequence, less is better.
+        reliability: chance of following for `sensitivity` frames, 0..1: the AR plot's other axis.
+        failures: failures over all sequences.
+        eao: expected average overlap, 0..1; NaN without interval or where the curve is too short.
+        curve: `[L]`, expected average overlap over sequences of t frames.
+    """
+
+    accuracy: float
+    robustness: float
+    reliability: float
+    failures: float
+    eao: float
+    curve: Floats
+
+
+def score_vot(sequences: List[VotRuns], stack: VotStack) -> VotScores:
+    """All measures of one tracker.
+
+    Args:
+        sequences: its runs on each; one or more.
+        stack: of the challenge.
+
+    Raises:
+        ValueError: no sequence.
+    """
+    if not sequences:
+        raise ValueError("no sequences; expected the runs on one or more")
+    frames = np.array([len(sequence.truth_xywh) for sequence in sequences], dtype=np.float64)
+    accuracies, failures = np.array([_accuracy_and_failures(s, stack) for s in sequences]).T
+    robustness = float(np.average(failures, weights=frames))
+    curve = expected_overlap_curve(sequences)
+    eao = float("nan")
+    if stack.interval is not None and len(curve) > stack.interval[0]:
+        eao = float(curve[stack.interval[0] : stack.interval[1] + 1].mean())
+    return VotScores(
+        accuracy=float(np.average(accuracies, weights=frames)),
+        robustness=robustness,
+        reliability=math.exp(-robustness / frames.mean() * stack.sensitivity),
+        failures=float(failures.sum()),
+        eao=eao,
+        curve=curve,
+    )
+
+
+def expected_overlap_curve(sequences: List[VotRuns]) -> Floats:
+    """The expected average overlap after t frames, `[L]`, L the length of the longest fragment.
+
+    The toolkit sums in float32; this in float64, and they differ by about 1e-7.
+    """
+    fragments: list[Floats] = []
+    lost: list[bool] = []
+    for sequence in sequences:
+        for run in sequence.runs:
+            _cut(run, _overlaps(sequence, run), fragments, lost)
+    if not fragments:
+        return np.empty(0)
+    lengths = np.array([len(fragment) for fragment in fragments])
+    columns = np.arange(lengths.max())
+    inside = columns < lengths[:, None]
+    overlaps = np.zeros(inside.shape)
+    overlaps[inside] = np.concatenate(fragments)
+    # Frame 0 is that of the start: its overlap is 0, and the means are over the frames after it.
+    means = np.cumsum(overlaps, axis=1) / np.maximum(columns, 1)
+    counts = inside | np.array(lost)[:, None]
+    return (means * counts).sum(axis=0) / counts.sum(axis=0)
+
+
+def pixel_overlaps(boxes_xywh: ArrayLike, truth_xywh: ArrayLike, size: tuple[int, int]) -> Floats:
+    """Overlap of boxes in whole pixels inside the frame, as the toolkit counts it.
+
+    A box is kept in float32; x, y, width and height are each rounded to a whole number, halves to
+    the even one, and the box then covers the pixels x..x + width - 1 and y..y + height - 1. Pixels
+    outside the frame do not count. Two quirks are kept: boxes that together cover at most one
+    column or row of pixels overlap by 1 if that is so before the frame cuts them, and by 0 if only
+    after.
+
+    The overlap differs from that of the exact boxes, the more the smaller they are.
+
+    Args:
+        boxes_xywh: `[T, 4]`; NaN where there is no box.
+        truth_xywh: `[T, 4]`; NaN where there is no truth.
+        size: width and height of the frame.
+
+    Returns:
+        `[T]`, 0..1; 0 where either is NaN.
+
+    Raises:
+        ValueError: the shapes differ or are not `[T, 4]`.
+    """
+    given = [np.asarray(boxes, dtype=np.float64) for boxes in (boxes_xywh, truth_xywh)]
+    if given[0].ndim != 2 or given[0].shape[1] != 4 or given[0].shape != given[1].shape:
+        raise ValueError(
+            f"boxes have shape {given[0].shape} and the truth {given[1].shape}; "
+            "expected [T, 4] for both"
+        )
+    there = np.isfinite(np.concatenate(given, axis=1)).all(axis=1)
+    (first_a, last_a), (first_b, last_b) = (_pixels(boxes[there]) for boxes in given)
+    # All [N, 2], x and y; last pixels are included.
+    first, last = np.minimum(first_a, first_b), np.maximum(last_a, last_b)
+    first_seen, last_seen = np.maximum(first, 0), np.minimum(last, np.array(size) - 1)
+
+    def area(begin: Floats, end: Floats) -> Floats:
+        begin, end = np.maximum(begin, first_seen), np.minimum(end, last_seen)
+        return np.maximum(end - begin + 1, 0).prod(axis=1)
+
+    common = area(np.maximum(first_a, first_b), np.minimum(last_a, last_b))
+    union = area(first_a, last_a) + area(first_b, last_b) - common
+    overlaps = np.divide(common, union, out=np.zeros(len(union)), where=union > 0)
+    overlaps[(first_seen >= last_seen).any(axis=1)] = 0.0
+    overlaps[(first >= last).any(axis=1)] = 1.0
+    result = np.zeros(len(given[0]))
+    result[there] = overlaps
+    return result
+
+
+def _pixels(boxes_xywh: Floats) -> tuple[Floats, Floats]:
+    """First and last pixel of boxes, each `[N, 2]`."""
+    rounded = np.round(boxes_xywh.astype(np.float32)).astype(np.float64)
+    return rounded[:, :2], rounded[:, :2] + rounded[:, 2:] - 1
+
+
+def _overlaps(sequence: VotRuns, run: SupervisedTrack) -> Floats:
+    """`[T]`, NaN where there is no truth, 0 where the tracker was started, failed or skipped."""
+    followed = (run.steps == Step.FOLLOWED)[:, None]
+    boxes = np.where(followed, run.boxes_xywh, np.nan)
+    overlaps = pixel_overlaps(boxes, sequence.truth_xywh, sequence.size)
+    overlaps[np.isnan(sequence.truth_xywh).any(axis=1)] = np.nan
+    return overlaps
+
+
+def _accuracy_and_failures(sequence: VotRuns, stack: VotStack) -> tuple[float, float]:
+    """Both of one sequence, means over its runs."""
+    accuracies, failures = [], []
+    for run in sequence.runs:
+        counts = run.steps == Step.FOLLOWED
+        for start in np.flatnonzero(run.steps == Step.STARTED):
+            counts[start : start + stack.burn_in] = False
+        overlaps = _overlaps(sequence, run)
+        counts &= ~np.isnan(overlaps)
+        accuracies.append(overlaps[counts].mean() if counts.any() else 0.0)
+        failures.append(run.drops)
+    return float(np.mean(accuracies)), float(np.mean(failures))
+
+
+def _cut(run: SupervisedTrack, overlaps: Floats, fragments: list[Floats], lost: list[bool]) -> None:
+    """Append the fragments of a run, and whether each ended in a failure."""
+    starts = np.flatnonzero(run.steps == Step.STARTED)
+    ends = np.flatnonzero(run.steps == Step.FAILED)
+    # A tracker that crashed as it was started failed in a frame without start.
+    if len(ends) > len(starts):
+        starts = np.sort(np.append(starts, ends[-1]))
+    for number, start in enumerate(starts):
+        failed = number < len(ends)
+        fragment = overlaps[start : ends[number] if failed else len(overlaps)]
+        fragments.append(fragment[~np.isnan(fragment)])
+        lost.append(failed)
