@@ -7,8 +7,10 @@ BIN := $(VENV)/bin
 # The CPU build of torch by version: a bare "torch" may pull gigabytes of CUDA.
 TORCH ?= torch==2.13.0
 SHARED_DATA ?= ../shared/data
-# More trackers for `make eval`, such as EVAL="-t nanotrack-v2 -t nanotrack-v3".
+# More for `make eval`: trackers such as EVAL="-t tld", or options such as EVAL="--resume".
 EVAL ?=
+# NanoTrack's files are not part of the repository.
+NANOTRACK := $(if $(wildcard ../shared/peers/nanotrack),-t nanotrack-v2 -t nanotrack-v3)
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 .PHONY: demo test lint eval train clean
@@ -24,9 +26,10 @@ lint: $(VENV)/.development
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-eval: $(VENV)/.tracking
+eval: $(VENV)/.report
 	$(BIN)/re3 eval $(SHARED_DATA)/val/davis $(SHARED_DATA)/val/segtrack $(SHARED_DATA)/test/otb \
-	    -t re3-lite -t kcf -t kcf-persistent -t csrt -t mosse -t first-box $(EVAL) --out out/eval
+	    -t re3-lite -t kcf -t kcf-persistent -t csrt -t mosse -t medianflow -t first-box \
+	    -t random-walk $(NANOTRACK) $(EVAL) --out out/eval
 
 train: $(VENV)/.development
 	nice $(BIN)/re3 train --model re3-lite --data $(SHARED_DATA)/train --out runs/re3-lite
@@ -40,11 +43,17 @@ $(VENV)/.tracking: pyproject.toml | $(VENV)/bin/python
 	@$(PIP) install --editable .
 	@touch $@
 
+$(VENV)/.report: pyproject.toml | $(BIN)/python
+	@echo "installing what tracking and reports need into $(VENV) ..."
+	@$(PIP) install --editable '.[report]'
+	@touch $@ $(VENV)/.tracking
+
 $(VENV)/.development: pyproject.toml | $(VENV)/bin/python
 	@echo "installing what tests and training need into $(VENV) ..."
 	@$(PIP) install '$(TORCH)'
-	@$(PIP) install --editable '.[train,dev]'
-	@touch $@ $(VENV)/.tracking
+	@$(PIP) install --editable '.[train,dev,report,vot]'
+	@$(PIP) install --no-deps vot-toolkit==0.9.0  # by itself it would bring a second OpenCV
+	@touch $@ $(VENV)/.tracking $(VENV)/.report
 
 clean:
 	rm -rf $(VENV) out build dist .pytest_cache .mypy_cache .ruff_cache

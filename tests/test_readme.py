@@ -15,12 +15,12 @@ ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-def blocks(language):
-    return re.findall(rf"```{language}\n(.*?)```", README, flags=re.DOTALL)
+def blocks(language, text=README):
+    return re.findall(rf"```{language}\n(.*?)```", text, flags=re.DOTALL)
 
 
-def commands(program):
-    lines = [line for block in blocks("sh") for line in block.splitlines()]
+def commands(program, text=README):
+    lines = [line for block in blocks("sh", text) for line in block.splitlines()]
     words = [shlex.split(line, comments=True) for line in lines]
     return [each for each in words if each and each[0] == program]
 
@@ -36,12 +36,33 @@ def test_the_python_example_runs():
     assert names["results"][names["car"]].name == "car"
 
 
+def found_command(words):
+    """The command that a line calls, through the apps inside the app, and the words after it."""
+    found, rest = get_command(app), words[1:]
+    while hasattr(found, "commands"):
+        found, rest = found.commands[rest[0]], rest[1:]
+    return found, rest
+
+
 @pytest.mark.parametrize("command", commands("re3"), ids=" ".join)
 def test_the_commands_have_these_options(command):
-    found = get_command(app).commands[command[1]]
-    options = {option for parameter in found.params for option in parameter.opts}
-    used = {word for word in command[2:] if re.fullmatch(r"--?[a-z-]+", word) and word != "-"}
+    found, rest = found_command(command)
+    options = {
+        o for parameter in found.params for o in (*parameter.opts, *parameter.secondary_opts)
+    }
+    used = {word for word in rest if re.fullmatch(r"--?[a-z-]+", word) and word != "-"}
     assert used <= options
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs").glob("*.md")), ids=lambda page: page.name)
+def test_the_commands_of_the_docs_have_these_options(page):
+    for command in commands("re3", page.read_text(encoding="utf-8")):
+        test_the_commands_have_these_options(command)
+
+
+def test_commands_inside_an_app_are_found():
+    found, rest = found_command(["re3", "data", "check", "OTB100", "--frames"])
+    assert (found.name, rest) == ("check", ["OTB100", "--frames"])
 
 
 def test_the_make_commands_exist():

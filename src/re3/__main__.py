@@ -2,4 +2,6 @@
 
 from re3.apps.cli import main
 
-main()
+# Worker processes import the module they were started from; they must not run the command again.
+if __name__ == "__main__":
+    main()

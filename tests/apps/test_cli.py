@@ -3,6 +3,7 @@
 import csv
 import io
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -13,6 +14,7 @@ import av
 import cv2
 import numpy as np
 import pytest
+from typer.main import get_command
 from typer.testing import CliRunner
 
 import re3
@@ -31,12 +33,36 @@ def rows(text):
     return list(csv.DictReader(io.StringIO(text)))
 
 
-@pytest.mark.parametrize("command", ["track", "models", "eval", "train", "simulate", "export"])
+COMMANDS = (
+    "track",
+    "models",
+    "eval",
+    "vot",
+    "qualitative",
+    "tsne",
+    "train",
+    "simulate",
+    "export",
+    "data",
+)
+
+
+@pytest.mark.parametrize("command", [*COMMANDS, "data check"])
 def test_every_command_has_help_with_an_example(command):
-    result = run(command, "--help")
+    result = run(*command.split(), "--help")
     assert result.exit_code == 0
     assert "Example" in result.output
     assert f"re3 {command}" in result.output
+
+
+def test_help_lists_every_command_with_what_it_does():
+    found = get_command(app).commands
+    assert tuple(found) == COMMANDS
+    text = " ".join(re.sub(r"[^\w,.:;'-]+", " ", run("--help").output).split())
+    for name, command in found.items():
+        told = command.get_short_help_str(limit=200)
+        assert told.endswith(".")
+        assert f"{name} {told}" in text
 
 
 def test_version():

@@ -27,22 +27,24 @@ def test_two_trackers_side_by_side(clips, tmp_path):
             lines = (out / "made" / tracker / f"{sequence}.txt").read_text().splitlines()
             assert len(lines) == 12
     document = json.loads(file.read_text())
-    assert document == json.loads((out / "report.json").read_text())
+    assert document == json.loads((out / "results.json").read_text())
     assert (out / "report.md").read_text().startswith("# One-pass evaluation")
     floor, flow = document["summary"]
     assert (floor["tracker"], flow["tracker"]) == ("first-box", "medianflow")
     # The patch moves by its own width in 12 frames; MedianFlow follows it.
-    assert floor["auc"] < 0.5 < 0.8 < flow["auc"]
+    assert floor["figures"]["auc"] < 0.5 < 0.8 < flow["figures"]["auc"]
     assert flow["fps"] > 1
 
 
-def test_a_second_run_takes_over_what_is_there(clips, tmp_path):
+def test_a_second_run_takes_over_what_is_there(clips, tmp_path, monkeypatch):
+    # Drawing takes seconds.
+    monkeypatch.setattr("re3.evaluation.plots_results.dataset_plots", lambda *_: [])
     out = tmp_path / "out"
     arguments = (clips, "-t", "first-box", "--sequences", "patch", "--out", out)
     assert invoke(*arguments).exit_code == 0
     assert "earlier run" not in invoke(*arguments).stdout
     again = invoke(*arguments, "--resume")
-    assert "1 of 1 sequences of first-box on made were taken from an earlier run" in again.stdout
+    assert "1 of 1 results of first-box on made were taken from an earlier run" in again.stdout
 
 
 def test_only_the_sequences_named(clips, tmp_path):

@@ -56,10 +56,11 @@ def files(peers: Path, version: str) -> list[Path]:
     return [folder / f"nanotrack_{part}_sim.onnx" for part in ("backbone", "head")]
 
 
-def test_ours_agrees_with_opencv_on_the_version_both_run(peers, moving_patch):
+@pytest.mark.parametrize(("version", "settings"), [("v1", nanotrack.V1), ("v2", nanotrack.V2)])
+def test_ours_agrees_with_opencv_on_versions_both_run(peers, moving_patch, version, settings):
     images, boxes = moving_patch
-    ours = nanotrack.NanoTrack(*files(peers, "v2"), nanotrack.V2)
-    theirs = opencv_trackers.nanotrack(*files(peers, "v2"))
+    ours = nanotrack.NanoTrack(*files(peers, version), settings)
+    theirs = opencv_trackers.nanotrack(*files(peers, version))
     ours.init(images[0], boxes[0])
     theirs.init(images[0], boxes[0])
     for image in images[1:]:

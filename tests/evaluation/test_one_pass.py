@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from re3.evaluation import one_pass
-from re3.evaluation.one_pass import Track, frames_per_second, run_one_pass
+from re3.evaluation.one_pass import (
+    Latency,
+    Track,
+    decode_time,
+    frames_per_second,
+    latency,
+    run_one_pass,
+)
 
 NAN = (np.nan,) * 4
 BOXES = [(0, 0, 2, 2), (1, 0, 2, 2), (2, 0, 2, 2), (3, 0, 2, 2)]
@@ -94,11 +101,36 @@ def test_what_a_factory_raises_is_not_the_tracker_failing(sequence_of):
 
 
 def test_times_are_those_of_the_tracker(sequence_of, monkeypatch):
-    ticks = itertools.accumulate(range(100))  # 0, 1, 3, 6, 10, ...: reads take 1, 3, 5, 7 s
+    # 0, 1, 3, 6, 10, ...: from each look at the clock to the next a second longer.
+    ticks = itertools.accumulate(range(100))
     monkeypatch.setattr(one_pass.time, "perf_counter", lambda: float(next(ticks)))
     track = run_one_pass(lambda: Scripted(*[((1, 1, 2, 2), 0.7)] * 3), sequence_of(BOXES))
-    assert track.seconds.tolist() == [1, 3, 5, 7]
-    assert track.update_seconds.tolist() == [3, 5, 7]
+    assert track.decode_seconds.tolist() == [1, 5, 9, 13]
+    assert track.seconds.tolist() == [3, 7, 11, 15]
+    assert track.update_seconds.tolist() == [7, 11, 15]
+    assert decode_time([track]) == 7
+
+
+def test_latency_is_told_in_percentiles():
+    seconds = np.array([99.0, *range(1, 102), np.nan])
+    track = Track(np.zeros((103, 4)), np.ones(103), seconds)
+    assert track.latency == Latency(p50=51, p95=96, p99=100)
+    assert np.isnan(latency([]).p99)
+    assert np.isnan(decode_time([track]))
+
+
+def test_a_tracker_is_closed_however_it_ends(sequence_of):
+    closed = []
+
+    class Closing(Scripted):
+        def close(self):
+            closed.append(1)
+            raise OSError("gone already")
+
+    answers = ((1, 1, 2, 2), 0.7)
+    run_one_pass(lambda: Closing(*[answers] * 3), sequence_of(BOXES))
+    run_one_pass(lambda: Closing(RuntimeError("no")), sequence_of(BOXES))
+    assert closed == [1, 1]
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from re3.evaluation.one_pass import run_one_pass
 from re3.evaluation.opencv_trackers import OpenCvTracker
 from re3.evaluation.peers import available_trackers, find_tracker
 
-OPENCV = ("kcf", "kcf-persistent", "csrt", "mosse", "medianflow")
+OPENCV = ("kcf", "kcf-persistent", "csrt", "mil", "mosse", "medianflow", "tld", "boosting")
 
 
 @pytest.fixture

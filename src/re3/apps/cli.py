@@ -10,11 +10,15 @@ from rich.console import Console
 from rich.table import Table
 
 from re3 import __version__
+from re3.apps.data import data
 from re3.apps.evaluate import evaluate
 from re3.apps.export import export
+from re3.apps.qualitative import qualitative
 from re3.apps.simulate import simulate
 from re3.apps.track import track
 from re3.apps.train import train
+from re3.apps.tsne import tsne
+from re3.apps.vot import vot
 from re3.models import list_models
 
 PIPE_WIDTH = 160
@@ -76,12 +80,17 @@ def models() -> None:
     Console(width=None if sys.stdout.isatty() else PIPE_WIDTH).print(table)
 
 
+# As `re3 --help` lists them: track, compare, train; apps of several commands come last.
 app.command()(track)
 app.command()(models)
 app.command(name="eval")(evaluate)
+app.command()(vot)
+app.command()(qualitative)
+app.command()(tsne)
 app.command()(train)
 app.command()(simulate)
 app.command()(export)
+app.add_typer(data)
 
 
 def main() -> None:

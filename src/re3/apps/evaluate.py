@@ -8,29 +8,32 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
-from rich.progress import Progress as ProgressBar
-from rich.table import Table
 
 from re3.apps.console import INTERRUPTED, failed, stderr
-from re3.data.plain import read_folder
-from re3.data.sequence import Sequence
+from re3.apps.evaluate_bars import Bars
+from re3.apps.evaluate_tables import show_run, show_trackers
+from re3.apps.sequences import FORMAT_HELP, choose_sequences, read_sequences
 from re3.evaluation.environment import Environment
-from re3.evaluation.peers import FIRST_BOX, TrackerInfo, available_trackers, find_tracker
-from re3.evaluation.report import Report, remarks, to_json, to_markdown, to_tables
-from re3.evaluation.runner import Progress, SequenceResult, run
+from re3.evaluation.peers import FIRST_BOX, available_trackers, find_tracker
+from re3.evaluation.protocols import DEFAULT_STACK, PROTOCOLS, find_protocol
+from re3.evaluation.report import write_reports
+from re3.evaluation.report_data import results_json
+from re3.evaluation.result_files import write_whole
+from re3.evaluation.runner import TIMEOUT, run
+from re3.evaluation.summary import Run
+from re3.evaluation.vot import STACKS
 from re3.models import DEFAULT_MODEL
 
-PIPE_WIDTH = 160
+SOMETHING_FAILED = 1
+"""Exit code of a run that went to its end, but in which a tracker or a sequence failed."""
 
 
 def evaluate(
     data: Annotated[
         list[Path] | None,
         typer.Argument(
-            help="Folders with annotated clips: videos or folders of images, each with a .txt or "
-            ".jsonl file of boxes beside it. Searched with all folders below.",
+            help="Folders of datasets, in any format of --format; or of annotated clips: videos "
+            "or folders of images, each with a .txt or .jsonl file of boxes beside it.",
             metavar="DATA...",
             show_default=False,
         ),
@@ -40,8 +43,10 @@ def evaluate(
         typer.Option(
             "--tracker",
             "-t",
-            help="A tracker to run; repeat for several. A model's name, a model file, "
-            "NAME=MODEL_FILE, or one that --list names. Default: the model and first-box.",
+            help="A tracker to run; repeat for several. A model's name or file, with options "
+            "after it (re3-lite@no-reset, re3-lite@torch), one that --list names, trax:COMMAND, "
+            "python:MODULE:CLASS, or published:FOLDER of result boxes; NAME= before it names it "
+            "in the report. Default: the model and first-box.",
             metavar="NAME",
             show_default=False,
         ),
@@ -62,8 +67,9 @@ def evaluate(
         typer.Option(
             "--out",
             "-o",
-            help="Folder for result boxes (DATASET/TRACKER/SEQUENCE.txt), report.md and "
-            "report.json.",
+            help="Folder for result boxes (DATASET/TRACKER/SEQUENCE.txt), results.json, "
+            "results.csv, report.md, report.html and plots; in a folder vot or ablation of it for "
+            "those protocols.",
             metavar="DIR",
             show_default=False,
         ),
@@ -71,6 +77,69 @@ def evaluate(
     resume: Annotated[
         bool, typer.Option("--resume", help="Take over results that --out already holds.")
     ] = False,
+    protocol: Annotated[
+        str,
+        typer.Option(
+            "--protocol",
+            "-p",
+            help="How trackers are run and judged: ope, one pass, means over sequences; "
+            "imagenet-vid, one pass, all boxes together (Re3, sec. IV-B); ablation, started again "
+            "after a drop (Re3, Table I); vot, supervised (accuracy, robustness, EAO).",
+            metavar="|".join(PROTOCOLS),
+        ),
+    ] = "ope",
+    vot_stack: Annotated[
+        str,
+        typer.Option(
+            "--vot-stack",
+            help="With --protocol vot, the challenge whose settings are taken: "
+            f"{', '.join(STACKS)}.",
+            metavar="NAME",
+        ),
+    ] = DEFAULT_STACK,
+    repeat: Annotated[
+        int,
+        typer.Option(
+            "--repeat",
+            help="Run everything so often, for trackers that draw numbers; figures are the mean, "
+            "with their standard deviation.",
+            min=1,
+            metavar="N",
+        ),
+    ] = 1,
+    occluded: Annotated[
+        bool,
+        typer.Option(
+            "--occluded",
+            help="Also compare all frames with those the dataset marks as occluded (Re3, sec. "
+            "IV-E). With ope or imagenet-vid.",
+        ),
+    ] = False,
+    format_name: Annotated[
+        str | None,
+        typer.Option("--format", help=FORMAT_HELP, metavar="NAME", show_default=False),
+    ] = None,
+    jobs: Annotated[
+        int,
+        typer.Option(
+            "--jobs",
+            "-j",
+            help="Sequences that run at the same time, each in a process of its own. The boxes do "
+            "not depend on it, the speeds do: measure those with 1. 0: in this process, where a "
+            "tracker that hangs cannot be stopped.",
+            min=0,
+            metavar="N",
+        ),
+    ] = 1,
+    timeout: Annotated[
+        float,
+        typer.Option(
+            "--timeout",
+            help="Seconds a tracker may take for a frame; then it is stopped, the sequence has "
+            "failed and the run goes on.",
+            metavar="SECONDS",
+        ),
+    ] = TIMEOUT,
     sequences: Annotated[
         str | None,
         typer.Option(
@@ -85,7 +154,7 @@ def evaluate(
         Path | None,
         typer.Option(
             "--peers",
-            help="Folder with the files of peer trackers (nanotrack/v2, nanotrack/v3). Default: "
+            help="Folder with the files of peer trackers (nanotrack/v1 to v3). Default: "
             "the environment's RE3_PEERS, or ../shared/peers.",
             metavar="DIR",
             show_default=False,
@@ -94,45 +163,88 @@ def evaluate(
     json_file: Annotated[
         Path | None,
         typer.Option(
-            "--json", help="Write the report as JSON.", metavar="FILE", show_default=False
+            "--json",
+            help="Write what results.json holds to this file, also without --out.",
+            metavar="FILE",
+            show_default=False,
         ),
     ] = None,
     list_trackers: Annotated[
         bool, typer.Option("--list", help="List the trackers known by name and exit.")
     ] = False,
 ) -> None:
-    """Measure trackers on annotated clips: accuracy (AUC, precision) and speed.
+    """Measure trackers on annotated clips: accuracy and speed.
 
-    One-pass evaluation: every tracker gets the first annotated box of a
-    sequence and follows it to the end, without another hint. Tables go to
-    stdout, progress to stderr.
+    One-pass evaluation, unless --protocol says otherwise: every tracker gets
+    the first annotated box of a sequence and follows it to the end, without
+    another hint. Tables go to stdout, progress to stderr.
 
-    Example:
+    A tracker that raises, hangs or gives no box, and a sequence that cannot
+    be read, is reported as failed, and the run goes on; the exit code is then
+    1. A run that was stopped goes on with --out and --resume.
+
+    Examples:
 
         re3 eval data/davis -t re3-lite -t kcf -t csrt -t first-box --out results
+
+        re3 eval data/vot2016 --protocol vot -t re3-lite -t opencv:csrt --jobs 4
+
+        re3 eval data/otb -t re3-lite -t published:data/published/otb/SiamFC
     """
     try:
         if list_trackers:
-            Console().print(_tracker_table(available_trackers(peers)))
+            show_trackers(available_trackers(peers))
             return
-        chosen = _choose(_read(data or []), sequences)
+        chosen_protocol = find_protocol(protocol, vot_stack)
+        if occluded and not chosen_protocol.one_pass:
+            raise ValueError(
+                f"--occluded compares frames of one pass; with --protocol {protocol} the tracker "
+                "is started again. Take ope or imagenet-vid"
+            )
+        chosen = choose_sequences(read_sequences(data or [], format_name), sequences)
         trackers = [find_tracker(name, peers) for name in _asked(tracker or [], model)]
+        if occluded and all(sequence.occluded is None for sequence in chosen):
+            raise ValueError(
+                "--occluded needs data that says which frames are occluded, and none of the "
+                f"{len(chosen)} sequences does"
+            )
         environment = Environment.here()
-        results = _run(trackers, chosen, out, resume)
-        report = Report(
+        if out is not None and not chosen_protocol.one_pass:
+            # Trajectories with restarts must not be taken for those of one pass.
+            out = out / chosen_protocol.name
+        with Bars() as bars:
+            results = run(
+                trackers,
+                chosen,
+                out=out,
+                resume=resume,
+                on_progress=bars.advance,
+                supervised=chosen_protocol.supervised,
+                repeats=repeat,
+                jobs=jobs,
+                timeout=timeout,
+            )
+        done = Run(
             command=shlex.join(["re3", *sys.argv[1:]]),
             data=tuple(str(folder) for folder in data or []),
             environment=environment,
+            protocol=chosen_protocol,
+            jobs=jobs,
             results=results,
         )
-        _show(report)
-        _write(report, out, json_file)
+        show_run(done, occluded=occluded)
+        if json_file is not None:
+            write_whole(json_file, results_json(done))
+        if out is not None:
+            _write_reports(done, out)
     except (ValueError, OSError) as error:
         raise failed(error) from error
     except KeyboardInterrupt:
         kept = f"; finished tracks are in {out}, go on with --resume" if out is not None else ""
         stderr().print(f"interrupted{kept}", markup=False)
         raise typer.Exit(INTERRUPTED) from None
+    if any(result.track.failure is not None for result in results):
+        raise typer.Exit(SOMETHING_FAILED)
 
 
 def _asked(trackers: list[str], model: str | None) -> list[str]:
@@ -142,76 +254,8 @@ def _asked(trackers: list[str], model: str | None) -> list[str]:
     return list(dict.fromkeys(trackers or [DEFAULT_MODEL, FIRST_BOX]))
 
 
-def _read(folders: list[Path]) -> list[Sequence]:
-    if not folders:
-        raise ValueError("no data given; expected folders with annotated clips, see --help")
-    return [sequence for folder in folders for sequence in read_folder(folder)]
-
-
-def _choose(sequences: list[Sequence], names: str | None) -> list[Sequence]:
-    """The sequences named, in their own order; all without names."""
-    if names is None:
-        return sequences
-    wanted = {name.strip() for name in names.split(",") if name.strip()}
-    chosen = [s for s in sequences if not wanted.isdisjoint(_names_of(s))]
-    known = {name for sequence in sequences for name in _names_of(sequence)}
-    if unknown := sorted(wanted - known):
-        raise ValueError(
-            f"no sequence is called {', '.join(unknown)}; there are "
-            + ", ".join(sequence.name for sequence in sequences)
-        )
-    if not chosen:
-        raise ValueError(f"--sequences {names!r} names none; expected names separated by commas")
-    return chosen
-
-
-def _names_of(sequence: Sequence) -> set[str]:
-    return {sequence.name, sequence.name.partition("/")[0]}
-
-
-def _run(
-    trackers: list[TrackerInfo], sequences: list[Sequence], out: Path | None, resume: bool
-) -> list[SequenceResult]:
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-    )
-    with ProgressBar(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("starting", total=None)
-
-        def advance(progress: Progress) -> None:
-            bar.update(
-                task,
-                description=f"{progress.sequence.name} · {progress.tracker}",
-                completed=progress.frames_before + progress.frames,
-                total=progress.frames_total,
-            )
-
-        return run(trackers, sequences, out=out, resume=resume, on_progress=advance)
-
-
-def _show(report: Report) -> None:
-    # A file or a pipe has no width to keep to; without one Rich would cut tables at 80 columns.
-    console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH)
-    for table in to_tables(report):
-        console.print(table)
-    for note in remarks(report):
-        console.print(f"note: {note}", markup=False, highlight=False)
-
-
-def _write(report: Report, out: Path | None, json_file: Path | None) -> None:
-    if out is not None:
-        (out / "report.md").write_text(to_markdown(report), encoding="utf-8")
-        (out / "report.json").write_text(to_json(report), encoding="utf-8")
-    if json_file is not None:
-        json_file.parent.mkdir(parents=True, exist_ok=True)
-        json_file.write_text(to_json(report), encoding="utf-8")
-
-
-def _tracker_table(infos: list[TrackerInfo]) -> Table:
-    table = Table("tracker", "what it is", "available")
-    for info in infos:
-        table.add_row(info.name, info.about, info.missing or "yes")
-    return table
+def _write_reports(done: Run, out: Path) -> None:
+    try:
+        write_reports(done, out)
+    except ImportError as error:
+        stderr().print(f"no page and no plots: {error}", markup=False)

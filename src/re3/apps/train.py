@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from re3.apps.console import INTERRUPTED, failed, stderr
+from re3.apps.sequences import FORMAT_HELP
 
 if TYPE_CHECKING:
     from re3.data.sampling import ClipSampler
@@ -32,8 +33,9 @@ def train(
         typer.Option(
             "--data",
             "-d",
-            help="Folder with training data; repeat for several. Clips with box files beside "
-            "them, and stills with an index boxes.jsonl, are found in all folders below.",
+            help="Folder with training data; repeat for several. Datasets of every format, clips "
+            "with box files beside them, and stills with an index boxes.jsonl, are found in all "
+            "folders below.",
             metavar="DIR",
         ),
     ],
@@ -62,6 +64,12 @@ def train(
             help="Folder with annotated clips; the weights with the best success AUC are kept.",
             metavar="DIR",
             show_default=False,
+        ),
+    ] = None,
+    format_name: Annotated[
+        str | None,
+        typer.Option(
+            "--format", help=f"{FORMAT_HELP} Not for --val.", metavar="NAME", show_default=False
         ),
     ] = None,
     exclude: Annotated[
@@ -111,7 +119,7 @@ def train(
             )
         if init is None:
             _load_trunk(network)
-        sampler = _sampler(data, set(exclude or []))
+        sampler = _sampler(data, set(exclude or []), format_name)
         recipe = replace(FROZEN_TRUNK.scaled(length), seed=seed)
         trainer = Trainer(network, sampler, recipe, out, threads)
         (out / "recipe.json").write_text(json.dumps(asdict(recipe), indent=2) + "\n")
@@ -139,9 +147,9 @@ def train(
     )
 
 
-def _sampler(folders: list[Path], exclude: set[str]) -> ClipSampler:
+def _sampler(folders: list[Path], exclude: set[str], format_name: str | None) -> ClipSampler:
+    from re3.data.formats import read_dataset
     from re3.data.frame_store import FrameStore
-    from re3.data.plain import read_folder
     from re3.data.sampling import ClipSampler
     from re3.data.stills import INDEX_NAME, read_stills
 
@@ -153,7 +161,7 @@ def _sampler(folders: list[Path], exclude: set[str]) -> ClipSampler:
         stills += [still for index in indices for still in read_stills(index.parent)]
         inside = {index.parent for index in indices}
         for child in _clip_folders(folder, inside):
-            sequences += read_folder(child)
+            sequences += read_dataset(child, format_name)
     known = {s.dataset for s in sequences}
     if exclude - known:
         raise ValueError(
@@ -193,9 +201,9 @@ class _Validation:
     """Mean success AUC over annotated clips, by the tracker as it ships."""
 
     def __init__(self, folder: Path) -> None:
-        from re3.data.plain import read_folder
+        from re3.data.formats import read_dataset
 
-        self.sequences = read_folder(folder)
+        self.sequences = read_dataset(folder)
         if not self.sequences:
             raise ValueError(f"{folder} holds no annotated clips to validate on")
 

@@ -1,0 +1,49 @@
+"""A run as Markdown: `report.md`."""
+
+from __future__ import annotations
+
+from re3.evaluation.report_tables import (
+    TextTable,
+    occlusion_tables,
+    sequence_tables,
+    speed_table,
+    summary_table,
+)
+from re3.evaluation.summary import Run, notes
+
+
+def to_markdown(run: Run) -> str:
+    """The whole report: where the figures come from, a section a dataset, and remarks."""
+    environment = run.environment
+    versions = ", ".join(f"{name} {version}" for name, version in environment.versions.items())
+    lines = [
+        f"# {run.protocol.title}",
+        "",
+        f"- command: `{run.command}`",
+        f"- data: {', '.join(f'`{folder}`' for folder in run.data)}",
+        f"- machine: {environment.cpu}, {environment.cores} cores, {environment.system}, "
+        f"load {environment.load:.1f} before the run",
+        f"- sequences at the same time: {run.jobs or 1}",
+        f"- date: {environment.date}",
+        f"- versions: {versions}",
+        "",
+        run.protocol.conventions,
+        "FPS: one over the median time of an update, without decoding.",
+    ]
+    for dataset in run.datasets:
+        summary = summary_table(run, dataset)
+        lines += ["", f"## {summary.title}", "", *_table(summary)]
+        for table in (speed_table(run, dataset), *sequence_tables(run, dataset)):
+            lines += ["", f"### {table.title}", "", *_table(table)]
+    for table in occlusion_tables(run):
+        lines += ["", f"## {table.title}", "", *_table(table)]
+    if said := notes(run):
+        lines += ["", "## Remarks", "", *(f"- {note}" for note in said)]
+    return "\n".join(lines) + "\n"
+
+
+def _table(table: TextTable) -> list[str]:
+    marks = ["---", *["---:"] * (len(table.header) - 1)]
+    body = [[cell.text for cell in row] for row in table.rows]
+    header, *rows = ([text.replace("|", "\\|") for text in row] for row in (table.header, *body))
+    return ["| " + " | ".join(row) + " |" for row in (header, marks, *rows)]

@@ -1,0 +1,191 @@
+"""What is made of the results: Imagenet Video, the ablation study, occlusion, VOT."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from re3.data.sequence import Sequence
+from re3.evaluation.ablation import ablation, robustness
+from re3.evaluation.imagenet_vid import pooled_success
+from re3.evaluation.metrics import score
+from re3.evaluation.occlusion import attribute_means, occlusion_table
+from re3.evaluation.one_pass import Track
+from re3.evaluation.protocol import over_repeats
+from re3.evaluation.protocols import PROTOCOLS, find_protocol
+from re3.evaluation.sequence_result import SequenceResult
+from re3.evaluation.supervised import Step, SupervisedTrack
+
+NAN = (np.nan,) * 4
+BOX = (0.0, 0.0, 10.0, 10.0)
+HALF = (0.0, 0.0, 10.0, 5.0)  # overlaps BOX by .5
+FAR = (500.0, 0.0, 10.0, 10.0)
+STEPS = {"f": Step.FOLLOWED, "S": Step.STARTED, "X": Step.FAILED, "-": Step.SKIPPED}
+
+# Re3, Table I, Imagenet Video, which has 273,505 boxes (sec. IV-B): drops, robustness.
+TABLE_1 = {
+    "A": (471, 0.95),
+    "B": (367, 0.96),
+    "C": (738, 0.92),
+    "D": (450, 0.95),
+    "E": (359, 0.96),
+    "F": (320, 0.97),
+    "G": (257, 0.97),
+    "H": (233, 0.97),
+    "J": (539, 0.94),
+    "K": (274, 0.97),
+}
+
+
+def passed(boxes, name="clip", truth=None, repeat=0, unscored=False, **marks) -> SequenceResult:
+    """A one-pass result."""
+    count = len(boxes)
+    sequence = Sequence(name, Path(name), np.array(truth or [BOX] * count), dataset="d", **marks)
+    failure = "frame 0: cannot be read" if unscored else None
+    track = Track(
+        np.array(boxes, float), np.ones(count), np.full(count, 0.01), failure, unscored=unscored
+    )
+    return SequenceResult.of("t", sequence, track, repeat=repeat)
+
+
+def restarted(steps: str, boxes=None, truth=None, failure=None, unscored=False) -> SequenceResult:
+    """A result with restarts: a letter a frame, and what it said where it followed."""
+    count = len(steps)
+    sequence = Sequence("clip", Path("clip"), np.array(truth or [BOX] * count), dataset="d")
+    said = np.array(boxes or [BOX] * count, float)
+    said[[letter not in "fS" for letter in steps]] = np.nan
+    track = SupervisedTrack(
+        said,
+        np.array([STEPS[letter] for letter in steps], np.int8),
+        np.full(count, 0.01),
+        failure,
+        unscored=unscored,
+    )
+    return SequenceResult.of("t", sequence, track)
+
+
+@pytest.mark.parametrize("row", TABLE_1)
+def test_robustness_is_the_papers(row):
+    drops, expected = TABLE_1[row]
+    assert round(robustness(drops, 273_505), 2) == expected
+
+
+@pytest.mark.parametrize(
+    ("steps", "boxes", "accuracy", "drops"),
+    [
+        ("Sfff", [BOX, BOX, HALF, HALF], (1 + 1 + 0.5 + 0.5) / 4, 0),  # the first frame counts
+        ("SfX-----", None, (1 + 1 + 0) / 3, 1),  # the drop counts, frames passed over do not
+        ("SX-----S" + "f" * 9 + "f", [HALF] * 18, (0.5 + 0 + 0.5) / 3, 1),  # ten frames of grace
+        ("SX-----Sf", [BOX] * 9, (1 + 0) / 2, 1),
+    ],
+)
+def test_ablation(steps, boxes, accuracy, drops):
+    figures = ablation([restarted(steps, boxes)])
+    assert figures.accuracy == pytest.approx(accuracy)
+    assert (figures.drops, figures.frames) == (drops, len(steps))
+    assert figures.robustness == pytest.approx(math.exp(-30 * drops / len(steps)))
+    assert figures.average == pytest.approx((figures.accuracy + figures.robustness) / 2)
+
+
+def test_ablation_throws_all_frames_together():
+    results = [restarted("S"), restarted("SXX", unscored=True), restarted("SX-")]
+    figures = ablation(results)
+    assert (figures.accuracy, figures.drops, figures.frames) == (pytest.approx(2 / 3), 1, 4)
+
+
+def test_ablation_leaves_out_frames_without_truth():
+    figures = ablation([restarted("-SfX", truth=[NAN, BOX, NAN, BOX])])
+    assert (figures.accuracy, figures.frames) == (pytest.approx(0.5), 2)
+
+
+def test_ablation_counts_what_follows_a_crash_as_missed():
+    figures = ablation([restarted("SfX---", failure="frame 2: update raised")])
+    assert (figures.accuracy, figures.drops) == (pytest.approx(2 / 6), 1)
+
+
+def test_ablation_refuses_one_pass():
+    with pytest.raises(ValueError, match="of one pass"):
+        ablation([passed([BOX, BOX])])
+
+
+def test_one_curve_over_all_boxes():
+    long, short = passed([BOX, BOX, BOX, FAR], "long"), passed([FAR, FAR], "short")
+    success = pooled_success([long, short, passed([BOX] * 9, "broken", unscored=True)])
+    # The first frames are the truth: four of six boxes are right, two of four without them.
+    np.testing.assert_allclose(success.curve, [4 / 6] * 20 + [0.0])
+    assert success.auc == pytest.approx(4 / 6 * 20 / 21)
+    assert success.auc_after_first == pytest.approx(2 / 4 * 20 / 21)
+    assert (success.tracks, success.boxes) == (2, 6)
+    # Not the mean over tracks, (3/4 + 1/2) / 2.
+    assert success.auc != pytest.approx((3 / 4 + 1 / 2) / 2 * 20 / 21)
+
+
+def test_one_curve_of_nothing_is_undefined():
+    success = pooled_success([])
+    assert np.isnan([success.auc, success.auc_after_first]).all()
+
+
+def test_occluded_frames_beside_all():
+    marks = np.array([False, False, True, True])
+    marked = passed([BOX, BOX, BOX, FAR], occluded=marks)
+    (row,) = occlusion_table([marked, passed([FAR, FAR], "unmarked")])
+    assert (row.dataset, row.tracker) == ("d", "t")
+    assert (row.everywhere.frames, row.occluded.frames) == (4, 2)
+    assert (row.everywhere.precision, row.occluded.precision) == (0.75, 0.5)
+    assert (row.everywhere.overlap, row.occluded.overlap) == (0.75, 0.5)
+    assert row.everywhere.auc == pytest.approx(0.75 * 20 / 21)
+    assert row.relative_loss == pytest.approx(1 / 3)
+
+
+def test_occluded_frames_without_truth_are_left_out():
+    marks = np.array([False, True, True])
+    (row,) = occlusion_table([passed([BOX] * 3, truth=[BOX, NAN, BOX], occluded=marks)])
+    assert (row.everywhere.frames, row.occluded.frames) == (2, 1)
+
+
+def test_never_occluded_is_no_loss_at_all():
+    (row,) = occlusion_table([passed([BOX, BOX], occluded=np.zeros(2, bool))])
+    assert row.occluded.frames == 0
+    assert np.isnan([row.relative_loss, row.occluded.auc]).all()
+    assert occlusion_table([passed([BOX, BOX])]) == []
+
+
+def test_means_by_attribute():
+    fast = passed([BOX, FAR], "a", attributes=("fast", "dark"))
+    dark = passed([BOX, BOX], "b", attributes=("dark",))
+    rows = attribute_means([fast, dark, passed([BOX, BOX], "c")])
+    assert [(r.attribute, r.tracker, r.sequences, r.scores.ao) for r in rows] == [
+        ("dark", "t", 2, 0.5),
+        ("fast", "t", 1, 0.0),
+    ]
+
+
+def test_figures_over_repetitions():
+    results = [passed([BOX, BOX], repeat=0), passed([BOX, FAR], repeat=1)]
+    figures = over_repeats(find_protocol("ope"), results)
+    assert figures.mean["ao"] == 0.5
+    assert figures.spread["ao"] == pytest.approx(math.sqrt(0.5))
+    assert over_repeats(find_protocol("ope"), results[:1]).spread == {}
+    expected = (score([BOX, BOX], [BOX, BOX]).auc + score([BOX, FAR], [BOX, BOX]).auc) / 2
+    assert figures.mean["auc"] == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("name", PROTOCOLS)
+def test_every_protocol_has_figures_of_nothing(name):
+    protocol = find_protocol(name)
+    assert protocol.name == name
+    assert protocol.one_pass == (name in ("ope", "imagenet-vid"))
+    figures = protocol.summarise([])
+    assert list(figures) == [measure.name for measure in protocol.measures]
+    shown = [*protocol.by_sequence, *(axis.measure for axis in protocol.trade_off or ())]
+    assert all(protocol.measure(name).best is not None for name in shown)
+    assert (protocol.trade_off is None) == protocol.one_pass
+    assert all(np.isnan(value) or value == 0 for value in figures.values())
+
+
+def test_unknown_names_are_told():
+    with pytest.raises(ValueError, match="no protocol 'otb'; expected one of ope, "):
+        find_protocol("otb")
+    with pytest.raises(ValueError, match=r"no VOT challenge 'vot1999'.*vot2016"):
+        find_protocol("vot", "vot1999")
