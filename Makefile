@@ -7,7 +7,8 @@ BIN := $(VENV)/bin
 # The CPU build of torch by version: a bare "torch" may pull gigabytes of CUDA.
 TORCH ?= torch==2.13.0
 SHARED_DATA ?= ../shared/data
-# More for `make eval`: trackers such as EVAL="-t tld", or options such as EVAL="--resume".
+# `make eval` runs the standard comparison and writes docs/benchmarks.md; it takes about an hour.
+# More for it: trackers such as EVAL="-t tld", or options such as EVAL="--resume".
 EVAL ?=
 # NanoTrack's files are not part of the repository.
 NANOTRACK := $(if $(wildcard ../shared/peers/nanotrack),-t nanotrack-v2 -t nanotrack-v3)
@@ -30,6 +31,7 @@ eval: $(VENV)/.report
 	$(BIN)/re3 eval $(SHARED_DATA)/val/davis $(SHARED_DATA)/val/segtrack $(SHARED_DATA)/test/otb \
 	    -t re3-lite -t kcf -t kcf-persistent -t csrt -t mosse -t medianflow -t first-box \
 	    -t random-walk $(NANOTRACK) $(EVAL) --out out/eval
+	cp out/eval/report.md docs/benchmarks.md
 
 train: $(VENV)/.development
 	nice $(BIN)/re3 train --model re3-lite --data $(SHARED_DATA)/train --out runs/re3-lite
