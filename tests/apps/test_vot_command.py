@@ -106,7 +106,6 @@ def test_toolkit_and_we_agree_on_real_trajectories(evaluated):
         assert f"{theirs.eao:.4f}" in printed
     tracker, floor = official
     assert floor.failures >= 2
-    assert tracker.failures >= 1
     assert tracker.eao > floor.eao
     assert tracker.accuracy > 0.5
 
@@ -115,14 +114,17 @@ def test_toolkit_and_we_agree_on_real_trajectories(evaluated):
 @pytest.mark.slow
 def test_the_toolkit_gets_the_trajectory_that_we_get(evaluated, filmed):
     workspace, _ = evaluated
-    sequence = read_track(filmed / "jump")
     config = SupervisedConfig(restart_after=STACKS["vot2016"].restart_after)
-    ours = run_supervised(find_tracker("re3-lite").factory, sequence, config)
-    (theirs,) = read_runs(workspace, "re3-lite", ["jump"], 1)
-    assert ours.drops >= 1
-    np.testing.assert_array_equal(theirs.runs[0].steps, ours.steps)
-    # TraX sends boxes as text of four decimals.
-    np.testing.assert_allclose(theirs.runs[0].boxes_xywh, ours.boxes_xywh, atol=2e-3)
+    drops = 0
+    clips = ["jump", "leave", "pan", "shake", "zoom"]
+    for tracker, name in [("re3-lite", "jump"), *(("first-box", clip) for clip in clips)]:
+        ours = run_supervised(find_tracker(tracker).factory, read_track(filmed / name), config)
+        (theirs,) = read_runs(workspace, tracker, [name], 1)
+        drops += ours.drops
+        np.testing.assert_array_equal(theirs.runs[0].steps, ours.steps)
+        # TraX sends boxes as text of four decimals.
+        np.testing.assert_allclose(theirs.runs[0].boxes_xywh, ours.boxes_xywh, atol=2e-3)
+    assert drops >= 2  # so restarts are compared too
 
 
 @toolkit

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from re3.data.sequence import Sequence
 from re3.evaluation import peers as registry
 from re3.evaluation.floors import RandomWalk
 from re3.evaluation.our_tracker import OurOptions, OurTracker, split_options
@@ -57,12 +58,13 @@ def test_every_alias_is_of_a_tracker_that_is_listed(peer_files):
     assert {f"opencv:{name}" for name in ("boosting", "csrt", "medianflow", "mosse")} < set(ALIASES)
 
 
-def test_every_tracker_can_be_sent_to_another_process(peer_files, sequence_of):
+def test_every_tracker_can_be_sent_to_another_process(peer_files):
+    sequence = Sequence("clip", Path("clip.mp4"), np.array([(0.0, 0.0, 1.0, 1.0)]))
     infos = [info for info in available_trackers(peer_files) if info.factory is not None]
     infos += [find_tracker("re3-lite@no-reset"), find_tracker("python:fake_trackers:Follows")]
     assert len(infos) > 12
     for info in infos:
-        assert pickle.loads(pickle.dumps(Task(info.factory, sequence_of([(0, 0, 1, 1)]))))
+        assert pickle.loads(pickle.dumps(Task(info.factory, sequence)))
 
 
 @pytest.mark.parametrize(

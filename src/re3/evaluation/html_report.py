@@ -18,7 +18,7 @@ from re3.evaluation.plots_style import Style, inline_svg, require
 from re3.evaluation.report_tables import (
     occlusion_tables,
     sequence_tables,
-    speed_table,
+    speed_tables,
     summary_table,
 )
 from re3.evaluation.sequence_result import SequenceResult
@@ -85,7 +85,7 @@ def to_html(
         {
             "name": name or "sequences",
             "summary": summary_table(run, name),
-            "speed": speed_table(run, name),
+            "speeds": speed_tables(run, name),
             "figures": [
                 (inline_svg(plot.figure, f"d{number}p{place}"), plot.caption, plot.wide)
                 for place, plot in enumerate(plots.get(name, []))

@@ -73,11 +73,9 @@ def dataset_plots(run: Run, dataset: str, slug: str, styles: Styles) -> list[Plo
     if run.protocol.one_pass:
         made += _attributes(title, slug, results, styles)
     times = {name: _seconds(group) for name, group in by_tracker(results).items()}
-    if any(values.size for values in times.values()):
+    if run.timing_is_comparable and any(values.size for values in times.values()):
         figure = latency_plot(times, styles, title=f"{title}: time of an update")
         caption = "Time in the tracker for each update, without the start and without decoding."
-        if not run.timing_is_comparable:
-            caption += f" {run.jobs} sequences ran at the same time."
         made.append(Plot(f"latency-{slug}", caption, figure))
     return made
 

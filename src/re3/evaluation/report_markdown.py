@@ -6,7 +6,7 @@ from re3.evaluation.report_tables import (
     TextTable,
     occlusion_tables,
     sequence_tables,
-    speed_table,
+    speed_tables,
     summary_table,
 )
 from re3.evaluation.summary import Run, notes
@@ -28,12 +28,13 @@ def to_markdown(run: Run) -> str:
         f"- versions: {versions}",
         "",
         run.protocol.conventions,
-        "FPS: one over the median time of an update, without decoding.",
     ]
+    if run.timing_is_comparable:
+        lines.append("FPS: one over the median time of an update, without decoding.")
     for dataset in run.datasets:
         summary = summary_table(run, dataset)
         lines += ["", f"## {summary.title}", "", *_table(summary)]
-        for table in (speed_table(run, dataset), *sequence_tables(run, dataset)):
+        for table in (*speed_tables(run, dataset), *sequence_tables(run, dataset)):
             lines += ["", f"### {table.title}", "", *_table(table)]
     for table in occlusion_tables(run):
         lines += ["", f"## {table.title}", "", *_table(table)]

@@ -32,14 +32,13 @@ class TextTable:
 
 
 def summary_table(run: Run, dataset: str) -> TextTable:
-    """A row a tracker: the protocol's figures, speed and, where there are any, failures."""
+    """A row a tracker: the protocol's figures, speed where it means something, any failures."""
     rows = _rows_of(run, dataset)
     count = max(row.sequences for row in rows)
     columns = [_column(measure, rows) for measure in run.protocol.measures]
-    # Speeds of trackers that ran side by side are not compared.
-    speeds: Best | None = "high" if run.timing_is_comparable else None
-    columns.append(("FPS", _marked([(row.fps, speed(row.fps)) for row in rows], speeds)))
-    columns.append(_milliseconds("p95 ms", [row.latency.p95 for row in rows], run))
+    if run.timing_is_comparable:
+        columns.append(("FPS", _marked([(row.fps, speed(row.fps)) for row in rows], "high")))
+        columns.append(_milliseconds("p95 ms", [row.latency.p95 for row in rows]))
     if any(row.failed for row in rows):
         columns.append(("failed", [Cell(str(row.failed) if row.failed else "") for row in rows]))
     name = dataset or "sequences"
@@ -47,16 +46,22 @@ def summary_table(run: Run, dataset: str) -> TextTable:
     return _by_tracker(title, rows, columns)
 
 
-def speed_table(run: Run, dataset: str) -> TextTable:
-    """A row a tracker: percentiles of the time of an update, and the time to read a frame."""
+def speed_tables(run: Run, dataset: str) -> list[TextTable]:
+    """A row a tracker: percentiles of the time of an update, and the time to read a frame.
+
+    None where trackers ran side by side: their times are not those of a tracker by itself.
+    """
+    if not run.timing_is_comparable:
+        return []
     rows = _rows_of(run, dataset)
     columns = [
-        _milliseconds("p50 ms", [row.latency.p50 for row in rows], run),
-        _milliseconds("p95 ms", [row.latency.p95 for row in rows], run),
-        _milliseconds("p99 ms", [row.latency.p99 for row in rows], run),
+        _milliseconds("p50 ms", [row.latency.p50 for row in rows]),
+        _milliseconds("p95 ms", [row.latency.p95 for row in rows]),
+        _milliseconds("p99 ms", [row.latency.p99 for row in rows]),
         ("reading ms", [Cell(number(row.decode_seconds * 1000, 1)) for row in rows]),
     ]
-    return _by_tracker("Time of an update and, apart from it, of reading a frame", rows, columns)
+    title = "Time of an update and, apart from it, of reading a frame"
+    return [_by_tracker(title, rows, columns)]
 
 
 def sequence_tables(run: Run, dataset: str) -> list[TextTable]:
@@ -129,9 +134,9 @@ def _column(measure: Measure, rows: list[TrackerRow]) -> tuple[str, list[Cell]]:
     return measure.heading, _marked(cells, measure.best)
 
 
-def _milliseconds(heading: str, seconds: list[float], run: Run) -> tuple[str, list[Cell]]:
+def _milliseconds(heading: str, seconds: list[float]) -> tuple[str, list[Cell]]:
     cells = [(value, number(value * 1000, 1)) for value in seconds]
-    return heading, _marked(cells, "low" if run.timing_is_comparable else None)
+    return heading, _marked(cells, "low")
 
 
 def _figure(measure: Measure, value: float) -> str:

@@ -154,15 +154,21 @@ def notes(run: Run) -> list[str]:
             meaning = "counted as a failure there, and not started again"
         name, failure = result.sequence.name, result.track.failure
         said.append(f"{result.tracker} failed on {name}, {failure}; {meaning}")
-    for (dataset, tracker), group in grouped(run.results).items():
-        if reused := sum(result.reused for result in group):
-            said.append(
-                f"{reused} of {len(group)} results of {tracker} on {dataset} were taken from an "
-                "earlier run, boxes and times"
-            )
+    said += _reused(run.results)
     if not run.timing_is_comparable:
         said.append(
-            f"{run.jobs} sequences ran at the same time: the speeds are not those of a tracker "
-            "that has the machine to itself; measure them with --jobs 1"
+            f"{run.jobs} sequences ran at the same time, so no speeds are given: they would not "
+            "be those of a tracker that has the machine to itself; measure them with --jobs 1"
         )
     return said
+
+
+def _reused(results: list[SequenceResult]) -> list[str]:
+    if len(results) > 1 and all(result.reused for result in results):
+        return [f"all {len(results)} results were taken from an earlier run, boxes and times"]
+    return [
+        f"{reused} of {len(group)} results of {tracker} on {dataset} were taken from an "
+        "earlier run, boxes and times"
+        for (dataset, tracker), group in grouped(results).items()
+        if (reused := sum(result.reused for result in group))
+    ]
