@@ -281,6 +281,16 @@ def test_restarts_are_drawn_with_their_protocols_figures(
     assert "Losses of" not in text and "AUC" not in text
 
 
+def test_speeds_of_trackers_that_ran_side_by_side_are_not_drawn(run, extra):
+    names = [plot.name for plot in dataset_plots(run, "made", "made", styles(run.trackers))]
+    together = dataset_plots(replace(run, jobs=2), "made", "made", styles(run.trackers))
+    assert "latency-made" in names
+    assert [plot.name for plot in together] == [name for name in names if "latency" not in name]
+    (trade_off,) = [plot for plot in together if plot.name == "trade-off-made"]
+    said = [a.get_text() for a in trade_off.figure.findobj(lambda a: hasattr(a, "get_text"))]
+    assert not any("(" in text and "FPS" in text for text in said)
+
+
 def test_what_is_nobodys_fault_is_left_out_of_the_plots(run, extra):
     sequence = run.results[1].sequence
     track = Track(np.full((12, 4), np.nan), np.full(12, np.nan), np.full(12, np.nan), "broken")

@@ -66,7 +66,7 @@ def dataset_plots(run: Run, dataset: str, slug: str, styles: Styles) -> list[Plo
     if run.protocol.one_pass:
         curves = _pooled_curve if run.protocol.pools_boxes else _curves
         made += curves(title, slug, results, styles)
-        made.append(one_pass_trade_off(title, slug, results, styles, run.protocol.pools_boxes))
+        made.append(one_pass_trade_off(run, title, slug, results, styles))
         made += _occlusion(title, slug, results, styles)
     made += trade_off(run, dataset, title, slug, styles)
     made += _bars(run, dataset, title, slug, styles)

@@ -23,7 +23,7 @@ def trade_off(run: Run, dataset: str, title: str, slug: str, styles: Styles) -> 
             tracker=row.tracker,
             accuracy=row.figures.mean[accuracy.measure],
             robustness=row.figures.mean[robustness.measure],
-            fps=row.fps,
+            fps=row.fps if run.timing_is_comparable else np.nan,
         )
         for row in run.tracker_rows
         if row.dataset == dataset
@@ -40,16 +40,17 @@ def trade_off(run: Run, dataset: str, title: str, slug: str, styles: Styles) -> 
 
 
 def one_pass_trade_off(
-    title: str, slug: str, results: list[SequenceResult], styles: Styles, pooled: bool
+    run: Run, title: str, slug: str, results: list[SequenceResult], styles: Styles
 ) -> Plot:
     """What comes nearest in one pass: mean overlap, and the share of frames with any overlap.
 
     Args:
+        run: what the results are of.
         title, slug: the dataset's name, for people and for the name of files.
         results: on the dataset; one or more.
         styles: of their trackers.
-        pooled: throw the frames of all sequences together, in place of means over sequences.
     """
+    pooled = run.protocol.pools_boxes  # over all frames together, in place of over sequences
     points = []
     for tracker, group in by_tracker(results).items():
         followed = [overlaps[1:] for overlaps in map(overlaps_of, group) if len(overlaps) > 1]
@@ -57,7 +58,8 @@ def one_pass_trade_off(
             tracks = [np.concatenate(followed)] if pooled else followed
             accuracy = float(np.mean([overlaps.mean() for overlaps in tracks]))
             robustness = float(np.mean([(overlaps > 0).mean() for overlaps in tracks]))
-            fps = frames_per_second(result.track for result in group)
+            timed = [result.track for result in group] if run.timing_is_comparable else []
+            fps = frames_per_second(timed)
             points.append(TradeOff(tracker, accuracy, robustness, fps))
     # Sequences of a single frame leave nothing to follow, but the plot keeps its place.
     points = points or [TradeOff(t, np.nan, np.nan, np.nan) for t in by_tracker(results)]
