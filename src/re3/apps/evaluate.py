@@ -12,6 +12,7 @@ import typer
 from re3.apps.console import INTERRUPTED, failed, stderr
 from re3.apps.evaluate_bars import Bars
 from re3.apps.evaluate_tables import show_run, show_trackers
+from re3.apps.options import PeersOption, SequencesOption
 from re3.apps.sequences import FORMAT_HELP, choose_sequences, read_sequences
 from re3.evaluation.environment import Environment
 from re3.evaluation.peers import FIRST_BOX, available_trackers, find_tracker
@@ -140,26 +141,8 @@ def evaluate(
             metavar="SECONDS",
         ),
     ] = TIMEOUT,
-    sequences: Annotated[
-        str | None,
-        typer.Option(
-            "--sequences",
-            "-s",
-            help="Only these, separated by commas; a clip's name stands for all its tracks.",
-            metavar="A,B",
-            show_default=False,
-        ),
-    ] = None,
-    peers: Annotated[
-        Path | None,
-        typer.Option(
-            "--peers",
-            help="Folder with the files of peer trackers (nanotrack/v1 to v3). Default: "
-            "the environment's RE3_PEERS, or ../shared/peers.",
-            metavar="DIR",
-            show_default=False,
-        ),
-    ] = None,
+    sequences: SequencesOption = None,
+    peers: PeersOption = None,
     json_file: Annotated[
         Path | None,
         typer.Option(

@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from re3.apps.console import failed, stderr
+from re3.apps.options import PeersOption
 from re3.models import DEFAULT_MODEL
 
 
@@ -42,15 +43,7 @@ def qualitative(
         ),
     ] = None,
     columns: Annotated[int, typer.Option(help="Sequences in a row.", min=1)] = 3,
-    peers: Annotated[
-        Path | None,
-        typer.Option(
-            "--peers",
-            help="Folder with the files of peer trackers, as for `re3 eval`.",
-            metavar="DIR",
-            show_default=False,
-        ),
-    ] = None,
+    peers: PeersOption = None,
 ) -> None:
     """Show the first and the 100th frame of each sequence: truth green, tracker red.
 

@@ -17,6 +17,7 @@ import numpy as np
 import typer
 
 from re3.apps.console import failed
+from re3.apps.options import PeersOption
 from re3.evaluation.one_pass import close
 from re3.evaluation.peers import SequenceTracker, TrackerFactory, find_tracker, seeded_factory
 from re3.evaluation.trax import import_trax
@@ -31,15 +32,7 @@ def serve(
         str,
         typer.Option("--tracker", "-t", help="A tracker as `re3 eval` takes it.", metavar="NAME"),
     ],
-    peers: Annotated[
-        Path | None,
-        typer.Option(
-            "--peers",
-            help="Folder with the files of peer trackers.",
-            metavar="DIR",
-            show_default=False,
-        ),
-    ] = None,
+    peers: PeersOption = None,
     directory: Annotated[
         Path | None,
         typer.Option(

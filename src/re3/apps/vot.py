@@ -15,6 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.table import Table
 
 from re3.apps.console import INTERRUPTED, failed, stderr
+from re3.apps.options import PeersOption, SequencesOption
 from re3.apps.sequences import choose_sequences, read_sequences
 from re3.data.sequence import Sequence
 from re3.evaluation.peers import FIRST_BOX, find_tracker
@@ -62,16 +63,7 @@ def vot(
     stack: Annotated[
         str, typer.Option("--stack", help=f"The challenge: {', '.join(STACKS)}.", metavar="NAME")
     ] = "vot2016",
-    sequences: Annotated[
-        str | None,
-        typer.Option(
-            "--sequences",
-            "-s",
-            help="Only these, separated by commas; a clip's name stands for all its tracks.",
-            metavar="A,B",
-            show_default=False,
-        ),
-    ] = None,
+    sequences: SequencesOption = None,
     run: Annotated[
         bool,
         typer.Option("--run/--no-run", help="Run the trackers, or only analyse what there is."),
@@ -95,15 +87,7 @@ def vot(
             show_default=False,
         ),
     ] = None,
-    peers: Annotated[
-        Path | None,
-        typer.Option(
-            "--peers",
-            help="Folder with the files of peer trackers.",
-            metavar="DIR",
-            show_default=False,
-        ),
-    ] = None,
+    peers: PeersOption = None,
     report: Annotated[
         bool, typer.Option("--report", help="Write the toolkit's HTML report as well.")
     ] = False,

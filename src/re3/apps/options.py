@@ -1,0 +1,30 @@
+"""Options that several commands share, said once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+PeersOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--peers",
+        help="Folder with the files of peer trackers (nanotrack/v1 to v3). Default: "
+        "the environment's RE3_PEERS, or ../shared/peers.",
+        metavar="DIR",
+        show_default=False,
+    ),
+]
+
+SequencesOption = Annotated[
+    str | None,
+    typer.Option(
+        "--sequences",
+        "-s",
+        help="Only these, separated by commas; a clip's name stands for all its tracks.",
+        metavar="A,B",
+        show_default=False,
+    ),
+]
