@@ -16,9 +16,10 @@ from re3.result import Status
 from re3.tracker import LOST_BELOW, UNCERTAIN_BELOW, status_of
 from re3.video import open_source
 
+PREVIOUS = CropSpec(context=2.0, size=16)
 SPEC = ModelSpec(
     name="counter",
-    previous=CropSpec(context=2.0, size=16),
+    previous=PREVIOUS,
     current=CropSpec(context=2.0, size=32),
     fill=(127.0, 127.0, 127.0),
     state={"count": (1,)},
@@ -38,7 +39,7 @@ class Counter:
 
     def step(self, previous_crops, current_crops, state):
         self.calls.append((previous_crops, current_crops, state["count"].copy()))
-        n = len(previous_crops)
+        n = len(current_crops)
         return StepOutput(
             np.tile(np.float32(self.corners), (n, 1)),
             np.full(n, self.score, np.float32),
@@ -67,7 +68,7 @@ def test_an_object_that_stays_keeps_its_box():
 
 
 def test_the_first_pass_sees_the_given_box_in_the_first_frame_twice():
-    engine, frame = Counter(spec=replace(SPEC, current=SPEC.previous)), noise()
+    engine, frame = Counter(spec=replace(SPEC, current=PREVIOUS)), noise()
     re3.Tracker(engine=engine).init(frame, BOX)
     ((previous, current, count),) = engine.calls
     np.testing.assert_array_equal(previous, current)
@@ -77,7 +78,7 @@ def test_the_first_pass_sees_the_given_box_in_the_first_frame_twice():
 
 
 def test_a_step_sees_both_frames_at_the_previous_box():
-    engine = Counter(spec=replace(SPEC, current=SPEC.previous), corners=(3, 3, 8, 8))
+    engine = Counter(spec=replace(SPEC, current=PREVIOUS), corners=(3, 3, 8, 8))
     tracker = re3.Tracker(engine=engine)
     frames = [noise(seed=s) for s in range(3)]
     tracker.init(frames[0], BOX)
@@ -106,6 +107,27 @@ def test_an_interval_of_zero_never_resets():
     for _ in range(40):
         tracker.update(noise())
     assert [int(count[0, 0]) for _, _, count in engine.calls] == list(range(41))
+
+
+def test_a_reset_keeps_what_concerns_the_previous_frame():
+    spec = replace(SPEC, kept_at_reset=("count",), reset_interval=4)
+    engine = Counter(spec=spec)
+    tracker = re3.Tracker(engine=engine)
+    tracker.init(noise(), BOX)
+    for _ in range(10):
+        tracker.update(noise())
+    assert [int(count[0, 0]) for _, _, count in engine.calls] == list(range(11))
+
+
+def test_a_model_without_previous_crop_gets_none():
+    engine = Counter(spec=replace(SPEC, previous=None))
+    tracker = re3.Tracker(engine=engine)
+    tracker.init(noise(), BOX)
+    tracker.update(noise())
+    assert [previous for previous, _, _ in engine.calls] == [None, None]
+    again = re3.Tracker(engine=engine)
+    again.load_state(tracker.save_state())
+    assert again.update(noise()) == tracker.update(noise())
 
 
 def test_objects_added_later_reset_on_their_own_clock():

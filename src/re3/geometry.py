@@ -186,6 +186,8 @@ def crop(
         return np.full((size, size, 3), fill, dtype=np.uint8)
     block_x = _power_of_two(min((right - left) / size, x1 - x0))
     block_y = _power_of_two(min((bottom - top) / size, y1 - y0))
+    # The blocks lie on a grid of the image: where a region moves a little, they stay.
+    x0, y0 = x0 // block_x * block_x, y0 // block_y * block_y
     columns, rows = -((x0 - x1) // block_x), -((y0 - y1) // block_y)
     part = image[y0:y1, x0:x1]
     lacking = rows * block_y - (y1 - y0), columns * block_x - (x1 - x0)

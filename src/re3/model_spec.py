@@ -16,7 +16,7 @@ SPEC_KEY = "re3_spec"
 
 @dataclass(frozen=True)
 class CropSpec:
-    """How one of the two crops is cut.
+    """How a crop is cut.
 
     Attributes:
         context: side of the region in units of the box's side (the paper's padding is 2).
@@ -39,21 +39,25 @@ class ModelSpec:
 
     Attributes:
         name: of the variant, such as "re3-lite".
-        previous: crop of the previous frame, centred on the previous box.
+        previous: crop of the previous frame, centred on the previous box; None for a network that
+            remembers in its state what it saw of that frame.
         current: crop of the current frame, centred on the same box.
         fill: BGR colour of what lies outside the frame.
         state: name -> shape of one object's recurrent state, without the batch dimension.
             Every state starts at zero.
+        kept_at_reset: names of states that concern the previous frame alone: a reset, which makes
+            the model of the object forget, leaves them.
         reset_interval: after so many steps the state returns to the one after the first forward
             pass (Re3, sec. III-C, "Tracking at test time"); 0 never resets.
         regression_scale: see `re3.geometry.REGRESSION_SCALE`.
     """
 
     name: str
-    previous: CropSpec
+    previous: CropSpec | None
     current: CropSpec
     fill: tuple[float, float, float]
     state: dict[str, tuple[int, ...]]
+    kept_at_reset: tuple[str, ...] = ()
     reset_interval: int = 32
     regression_scale: float = REGRESSION_SCALE
 
@@ -71,10 +75,11 @@ class ModelSpec:
             values = json.loads(text)
             return ModelSpec(
                 name=values["name"],
-                previous=CropSpec(**values["previous"]),
+                previous=CropSpec(**values["previous"]) if values["previous"] else None,
                 current=CropSpec(**values["current"]),
                 fill=tuple(values["fill"]),
                 state={name: tuple(shape) for name, shape in values["state"].items()},
+                kept_at_reset=tuple(values["kept_at_reset"]),
                 reset_interval=values["reset_interval"],
                 regression_scale=values["regression_scale"],
             )

@@ -36,7 +36,7 @@ class _Track:
     Attributes:
         box_xyxy: `[4]`, in the frame last seen.
         previous_crop: uint8 `[S, S, 3]` about that box in that frame, so that the frame itself
-            need not be kept.
+            need not be kept; None for a model without previous crop.
         state: recurrent state, arrays without the batch dimension.
         first_state: the state after the first forward pass, to which it is reset.
         steps: since the last reset.
@@ -44,7 +44,7 @@ class _Track:
     """
 
     box_xyxy: Floats
-    previous_crop: NDArray[np.uint8]
+    previous_crop: NDArray[np.uint8] | None
     state: State
     first_state: State
     steps: int
@@ -136,7 +136,7 @@ class MultiTracker:
         boxes = np.stack([track.box_xyxy for track in tracks])
         regions = geometry.snap(geometry.search_region(boxes, spec.current.context))
         output = self._engine.step(
-            np.stack([track.previous_crop for track in tracks]),
+            _stacked([track.previous_crop for track in tracks]),
             np.stack([geometry.crop(image, r, spec.current.size, spec.fill) for r in regions]),
             {name: np.stack([track.state[name] for track in tracks]) for name in spec.state},
         )
@@ -165,7 +165,8 @@ class MultiTracker:
         for identity, track in self._tracks.items():
             result, prefix = track.result, f"{identity}/"
             saved[prefix + "box_xyxy"] = track.box_xyxy.copy()
-            saved[prefix + "previous_crop"] = track.previous_crop.copy()
+            if track.previous_crop is not None:
+                saved[prefix + "previous_crop"] = track.previous_crop.copy()
             saved[prefix + "steps"] = np.array(track.steps)
             saved[prefix + "result"] = np.array(
                 [*result.box_xywh, result.score, result.frame_index], dtype=np.float64
@@ -215,7 +216,11 @@ class MultiTracker:
         x, y, w, h, score, index = (float(v) for v in saved[prefix + "result"])
         return _Track(
             box_xyxy=np.array(saved[prefix + "box_xyxy"], np.float64),
-            previous_crop=np.array(saved[prefix + "previous_crop"], np.uint8),
+            previous_crop=(
+                None
+                if spec.previous is None
+                else np.array(saved[prefix + "previous_crop"], np.uint8)
+            ),
             state=states[0],
             first_state=states[1],
             steps=int(saved[prefix + "steps"]),
@@ -237,7 +242,7 @@ class MultiTracker:
         region = geometry.snap(geometry.search_region(box, spec.current.context))
         current = geometry.crop(image, region, spec.current.size, spec.fill)
         # The box it finds is discarded in favour of the one given.
-        output = self._engine.step(previous[None], current[None], zero_state(spec, 1))
+        output = self._engine.step(_stacked([previous]), current[None], zero_state(spec, 1))
         state = {name: values[0] for name, values in output.state.items()}
         return _Track(box, previous, state, state, 0, result)
 
@@ -249,11 +254,12 @@ class MultiTracker:
         score: float,
         state: State,
     ) -> None:
-        interval = self._engine.spec.reset_interval
+        spec = self._engine.spec
         track.steps += 1
         track.state = state
-        if interval and track.steps >= interval:
-            track.state, track.steps = track.first_state, 0
+        if spec.reset_interval and track.steps >= spec.reset_interval:
+            kept = {name: state[name] for name in spec.kept_at_reset}
+            track.state, track.steps = {**track.first_state, **kept}, 0
         track.box_xyxy = box_xyxy
         track.previous_crop = self._crop_previous(image, box_xyxy)
         track.result = Result(
@@ -265,8 +271,12 @@ class MultiTracker:
             name=track.result.name,
         )
 
-    def _crop_previous(self, image: NDArray[np.uint8], box_xyxy: Floats) -> NDArray[np.uint8]:
+    def _crop_previous(
+        self, image: NDArray[np.uint8], box_xyxy: Floats
+    ) -> NDArray[np.uint8] | None:
         spec = self._engine.spec
+        if spec.previous is None:
+            return None
         region = geometry.snap(geometry.search_region(box_xyxy, spec.previous.context))
         return geometry.crop(image, region, spec.previous.size, spec.fill)
 
@@ -330,6 +340,12 @@ class Tracker:
     def _only(self) -> Result:
         (result,) = self._multi.results.values()
         return result
+
+
+def _stacked(crops: list[NDArray[np.uint8] | None]) -> NDArray[np.uint8] | None:
+    """One batch of the previous crops; None for a model without them."""
+    present = [crop for crop in crops if crop is not None]
+    return np.stack(present) if present else None
 
 
 def _as_tuple(box: Floats) -> tuple[float, float, float, float]:

@@ -8,7 +8,7 @@ import torch
 
 from re3.model_spec import ModelSpec
 from re3.network.re3 import Re3Config
-from re3.network.re3_lite import LiteConfig
+from re3.network.re3_lite import LiteConfig, sample_region
 from re3.network.variants import VARIANTS, build
 from re3.network.weights import load_network, save_weights
 
@@ -24,6 +24,7 @@ def random_inputs(network, objects, steps=1, seed=0):
         tuple(
             torch.from_numpy(rng.integers(0, 256, (objects, c.size, c.size, 3), dtype=np.uint8))
             for c in (spec.previous, spec.current)
+            if c is not None
         )
         for _ in range(steps)
     ]
@@ -45,7 +46,7 @@ def network(request):
     ("name", "parameters"),
     [
         ("re3", 190_004_324),  # as the authors' large network
-        ("re3-lite", 5_054_599),
+        ("re3-lite", 5_063_047),
     ],
 )
 def test_parameter_count(name, parameters):
@@ -74,12 +75,11 @@ def test_a_batch_equals_single_steps(network):
     state = network.zero_state(3)
     singles = [network.zero_state(1) for _ in range(3)]
     with torch.no_grad():
-        for previous, current in steps:
-            corners, score, state = network(previous, current, state)
+        for crops in steps:
+            corners, score, state = network(*crops, state)
             for i in range(3):
-                one, one_score, singles[i] = network(
-                    previous[i : i + 1], current[i : i + 1], singles[i]
-                )
+                own = [crop[i : i + 1] for crop in crops]
+                one, one_score, singles[i] = network(*own, singles[i])
                 np.testing.assert_allclose(one[0], corners[i], atol=1e-4)
                 np.testing.assert_allclose(one_score[0], score[i], atol=1e-4)
 
@@ -100,16 +100,17 @@ def test_unrolled_equals_step_by_step():
     steps, objects = 4, 2
     inputs = random_inputs(network, objects, steps)
     with torch.no_grad():
-        features = [(network.features(p), network.features(c)) for p, c in inputs]
-        stacked = [
-            tuple(torch.cat([step[which][tap] for step in features]) for tap in range(3))
-            for which in range(2)
-        ]
-        unrolled = network.head.unroll(*stacked, steps=steps)
-        state = network.zero_state(objects)
-        for t, (previous, current) in enumerate(features):
-            output, state = network.head(previous, current, state)
+        features = [network.features(crop) for (crop,) in inputs]
+        stacked = tuple(torch.cat([step[tap] for step in features]) for tap in range(3))
+        looked = torch.rand(steps * objects, 4) + torch.tensor([2.0, 2.0, 6.0, 6.0])
+        unrolled = network.head.unroll(stacked, looked, steps)
+        state, before = network.zero_state(objects), None
+        for t, crops in enumerate(features):
             rows = slice(t * objects, (t + 1) * objects)
+            if before is not None:
+                state = state._replace(view=network.head.view(before, looked[rows]))
+            before = network.head.embedding(crops)
+            output, state = network.head(before, state)
             np.testing.assert_allclose(output.corners, unrolled.corners[rows], atol=1e-4)
             np.testing.assert_allclose(output.score_logit, unrolled.score_logit[rows], atol=1e-4)
 
@@ -151,6 +152,44 @@ def test_an_unknown_variant_is_refused():
         build("re4")
 
 
-def test_crops_at_different_scales_are_refused():
-    with pytest.raises(ValueError, match="64 pixels in the previous crop and 48"):
-        LiteConfig(current=replace(LiteConfig().current, context=4.0))
+def test_a_view_wider_than_the_crop_is_refused():
+    with pytest.raises(ValueError, match=r"view is 4\.0 boxes wide.*current crop's 3\.0"):
+        LiteConfig(view=4.0)
+
+
+def test_a_view_is_the_part_of_the_embedding_about_the_box():
+    head = build(SMALL[1]).head
+    embedding = torch.randn(2, 16, 24, 24)
+    still = torch.tensor([[10 / 3, 10 / 3, 20 / 3, 20 / 3]]).repeat(2, 1)
+    torch.testing.assert_close(head.view(embedding, still), head.first_view(embedding))
+    cell = torch.tensor([[10 / 24, 20 / 24] * 2])  # one cell to the right, two down
+    moved = head.view(embedding, still + cell)
+    torch.testing.assert_close(moved, embedding[:, :, 6:22, 5:21], atol=1e-4, rtol=0)
+
+
+def test_a_view_that_reaches_outside_is_zero_there():
+    view = sample_region(torch.ones(1, 1, 24, 24), torch.tensor([[0.5, 0.5, 1.5, 1.5]]), 16)
+    assert (view[..., :7, :7] > 0.99).all()
+    assert (view[..., 9:, :] == 0).all()
+    assert (view[..., 9:] == 0).all()
+
+
+def test_a_coarse_view_averages():
+    maps = torch.randn(1, 3, 24, 24)
+    view = sample_region(maps, torch.tensor([[0.0, 0.0, 1.0, 1.0]]), 2)
+    assert view.shape == (1, 3, 2, 2)
+    one = sample_region(torch.ones(1, 1, 24, 24), torch.tensor([[0.25, 0.25, 0.75, 0.75]]), 2)
+    torch.testing.assert_close(one, torch.ones(1, 1, 2, 2))
+
+
+def test_the_view_of_the_first_frame_is_about_the_box_given():
+    torch.manual_seed(0)
+    head = build(SMALL[1]).eval().head
+    with torch.no_grad():
+        head.residual.bias.fill_(2.0)  # finds another box than the one given
+        embedding = torch.randn(1, 16, 24, 24)
+        _, state = head(embedding, head.zero_state(1))
+        torch.testing.assert_close(state.view, head.first_view(embedding))
+        output, state = head(embedding, state)
+        torch.testing.assert_close(state.view, output.view)
+        assert not torch.allclose(output.view, head.first_view(embedding))

@@ -12,7 +12,9 @@ TARGET = torch.tensor([[2.5, 2.5, 7.5, 7.5]])
 
 def output(corners, grid=24, score=0.0):
     n = len(corners)
-    return LiteOutput(corners, torch.full((n,), score), torch.zeros(n, 2, grid, grid))
+    return LiteOutput(
+        corners, torch.full((n,), score), torch.zeros(n, 2, grid, grid), torch.zeros(n, 1, 1, 1)
+    )
 
 
 def loss(corners, has_box=1.0, hidden=0.0, weights=None):

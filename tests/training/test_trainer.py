@@ -27,30 +27,29 @@ def tiny_network():
 
 
 @pytest.fixture(scope="module")
-def trunks():
-    network = tiny_network()
-    return FrozenTrunk(network, 128, 2), FrozenTrunk(network, 192, 2)
+def trunk():
+    return FrozenTrunk(tiny_network(), TINY.current.size, 2)
 
 
-def roll(sampler, own, trunks, network=None, noise=QUIET, steps=4):
+def roll(sampler, own, trunk, network=None, noise=QUIET, steps=4):
     clips = [sampler.sample(steps, np.random.default_rng(s)) for s in range(len(own))]
     network = network or tiny_network()
     with ThreadPoolExecutor(2) as pool:
         rng = np.random.default_rng(0)
-        return clips, roll_out(clips, np.array(own), network.head, trunks, noise, rng, pool)
+        return clips, roll_out(clips, np.array(own), network.head, trunk, noise, rng, pool)
 
 
-def test_the_frozen_trunk_equals_torch(trunks):
+def test_the_frozen_trunk_equals_torch(trunk):
     network = tiny_network()
-    crops = np.random.default_rng(0).integers(0, 256, (11, 128, 128, 3), dtype=np.uint8)
+    crops = np.random.default_rng(0).integers(0, 256, (11, 192, 192, 3), dtype=np.uint8)
     with torch.no_grad():
         expected = network.features(torch.from_numpy(crops))
-    for got, wanted in zip(trunks[0](crops), expected, strict=True):
+    for got, wanted in zip(trunk(crops), expected, strict=True):
         np.testing.assert_allclose(got, wanted, atol=1e-4)
 
 
-def test_crops_at_the_truth_have_the_motion_as_target(sampler, trunks):
-    clips, rollout = roll(sampler, [False, False], trunks)
+def test_crops_at_the_truth_have_the_motion_as_target(sampler, trunk):
+    clips, rollout = roll(sampler, [False, False], trunk)
     targets = rollout.targets.reshape(4, 2, 4).numpy()
     for n, clip in enumerate(clips):
         for t in range(4):
@@ -59,11 +58,11 @@ def test_crops_at_the_truth_have_the_motion_as_target(sampler, trunks):
             np.testing.assert_allclose(found, clip.boxes_xyxy[t], atol=1e-3)
 
 
-def test_own_predictions_move_the_crops(sampler, trunks):
+def test_own_predictions_move_the_crops(sampler, trunk):
     network = tiny_network()
     with torch.no_grad():  # a network that always sees the object a little further right
         network.head.residual.bias.copy_(torch.tensor([-1.6667, -1.6667, 1.6667, 1.6667]) + 0.3)
-    clips, rollout = roll(sampler, [True, False], trunks, network)
+    clips, rollout = roll(sampler, [True, False], trunk, network)
     targets = rollout.targets.reshape(4, 2, 4).numpy()
     for n, moves in ((0, True), (1, False)):
         at_truth = search_region(clips[n].boxes_xyxy[2], TINY.current.context)
@@ -71,16 +70,16 @@ def test_own_predictions_move_the_crops(sampler, trunks):
         assert (error > 0.2) == moves
 
 
-def test_a_hopeless_prediction_is_put_back_on_the_truth(sampler, trunks):
+def test_a_hopeless_prediction_is_put_back_on_the_truth(sampler, trunk):
     network = tiny_network()
     with torch.no_grad():
         network.head.residual.bias.copy_(torch.tensor([90.0, 90.0, 99.0, 99.0]))
-    _, rollout = roll(sampler, [True, True], trunks, network)
+    _, rollout = roll(sampler, [True, True], trunk, network)
     assert rollout.has_box.all() or rollout.put_back > 0
 
 
-def test_blind_crops_have_no_box(sampler, trunks):
-    _, rollout = roll(sampler, [False] * 3, trunks, noise=replace(QUIET, blind=1.0))
+def test_blind_crops_have_no_box(sampler, trunk):
+    _, rollout = roll(sampler, [False] * 3, trunk, noise=replace(QUIET, blind=1.0))
     has_box = rollout.has_box.reshape(4, 3)
     assert has_box[0].all()
     assert not has_box[1:].any()
@@ -130,13 +129,13 @@ def test_a_roll_out_may_be_learnt_from_in_parts_and_passes(sampler, tmp_path, mo
         assert len(torch.unique(rows, dim=0)) == 4
 
 
-def test_a_part_holds_all_steps_of_its_sequences(sampler, trunks):
-    _, rollout = roll(sampler, [False] * 3, trunks)
+def test_a_part_holds_all_steps_of_its_sequences(sampler, trunk):
+    _, rollout = roll(sampler, [False] * 3, trunk)
     part = rollout.part(np.array([2, 0]))
     for whole, piece in [
         (rollout.targets, part.targets),
-        (rollout.current[1], part.current[1]),
-        (rollout.previous[2], part.previous[2]),
+        (rollout.crops[1], part.crops[1]),
+        (rollout.looked, part.looked),
     ]:
         expected = whole.reshape(4, 3, *whole.shape[1:])[:, [2, 0]]
         torch.testing.assert_close(piece.reshape(4, 2, *whole.shape[1:]), expected)

@@ -29,14 +29,15 @@ class Engine(Protocol):
 
     def step(
         self,
-        previous_crops: NDArray[np.uint8],
+        previous_crops: NDArray[np.uint8] | None,
         current_crops: NDArray[np.uint8],
         state: Mapping[str, NDArray[np.float32]],
     ) -> StepOutput:
         """One step.
 
         Args:
-            previous_crops, current_crops: uint8 `[N, S, S, 3]` BGR, sizes as in `spec`.
+            previous_crops, current_crops: uint8 `[N, S, S, 3]` BGR, sizes as in `spec`; None for
+                a network without previous crop.
             state: of the step before, zeros before the first.
         """
         ...

@@ -51,18 +51,17 @@ class OnnxEngine:
 
     def step(
         self,
-        previous_crops: NDArray[np.uint8],
+        previous_crops: NDArray[np.uint8] | None,
         current_crops: NDArray[np.uint8],
         state: Mapping[str, NDArray[np.float32]],
     ) -> StepOutput:
         """See `re3.engine.base.Engine.step`."""
         names = list(self.spec.state)
+        inputs = {"current_crops": current_crops, **{name: state[name] for name in names}}
+        if previous_crops is not None:
+            inputs["previous_crops"] = previous_crops
         corners, score, *new = self._session.run(
             ["corners", "score", *(f"new_{name}" for name in names)],
-            {
-                "previous_crops": previous_crops,
-                "current_crops": current_crops,
-                **{name: state[name] for name in names},
-            },
+            inputs,
         )
         return StepOutput(corners, score, dict(zip(names, new, strict=True)))

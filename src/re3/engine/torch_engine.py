@@ -32,16 +32,17 @@ class TorchEngine:
 
     def step(
         self,
-        previous_crops: NDArray[np.uint8],
+        previous_crops: NDArray[np.uint8] | None,
         current_crops: NDArray[np.uint8],
         state: Mapping[str, NDArray[np.float32]],
     ) -> StepOutput:
         """See `re3.engine.base.Engine.step`."""
-        before = self._network.zero_state(len(previous_crops))
+        before = self._network.zero_state(len(current_crops))
         before = type(before)(**{k: torch.from_numpy(v) for k, v in state.items()})
+        crops = [previous_crops, current_crops]
         with torch.inference_mode():
             corners, score, after = self._network(
-                torch.from_numpy(previous_crops), torch.from_numpy(current_crops), before
+                *(torch.from_numpy(crop) for crop in crops if crop is not None), before
             )
         return StepOutput(
             corners.numpy(),

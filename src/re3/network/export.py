@@ -31,19 +31,18 @@ class _Step(nn.Module):
         super().__init__()
         self.network = network
 
-    def forward(
-        self, previous_crops: Tensor, current_crops: Tensor, *state: Tensor
-    ) -> tuple[Tensor, ...]:
+    def forward(self, *inputs: Tensor) -> tuple[Tensor, ...]:
         kind = type(self.network.zero_state(1))
-        corners, score, new_state = self.network(previous_crops, current_crops, kind(*state))
+        crops = len(inputs) - len(kind._fields)
+        corners, score, new_state = self.network(*inputs[:crops], kind(*inputs[crops:]))
         return corners, score, *new_state
 
 
 def export_onnx(network: Network, path: str | Path, *, half_weights: bool = True) -> None:
     """Write the one-step graph.
 
-    Inputs `previous_crops` and `current_crops` are uint8 `[N, S, S, 3]` BGR; each state comes in
-    as `<name>` and goes out as `new_<name>`; outputs `corners` `[N, 4]` and `score` `[N]`.
+    Inputs `previous_crops` (of networks that take any) and `current_crops` are uint8
+    `[N, S, S, 3]` BGR; each state comes in as `<name>` and goes out as `new_<name>`; outputs `corners` `[N, 4]` and `score` `[N]`.
 
     Args:
         network: exported in evaluation mode.
@@ -73,11 +72,12 @@ def _trace(network: Network, path: Path) -> None:
     """Write the plain graph, weights under their own names."""
     spec = network.spec()
     names = list(spec.state)
-    crops = [
-        torch.zeros(2, crop.size, crop.size, 3, dtype=torch.uint8)
-        for crop in (spec.previous, spec.current)
-    ]
-    inputs = ["previous_crops", "current_crops", *names]
+    crops = {
+        name: torch.zeros(2, crop.size, crop.size, 3, dtype=torch.uint8)
+        for name, crop in (("previous_crops", spec.previous), ("current_crops", spec.current))
+        if crop is not None
+    }
+    inputs = [*crops, *names]
     outputs = ["corners", "score", *(f"new_{name}" for name in names)]
     training = network.training
     network.eval()
@@ -85,7 +85,7 @@ def _trace(network: Network, path: Path) -> None:
         warnings.simplefilter("ignore")  # of the tracer, about shapes that are constant here
         torch.onnx.export(
             _Step(network),
-            (*crops, *network.zero_state(2)),
+            (*crops.values(), *network.zero_state(2)),
             str(path),
             input_names=inputs,
             output_names=outputs,

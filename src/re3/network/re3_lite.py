@@ -1,13 +1,16 @@
 """`re3-lite`: Re3's recurrent regression sized for a CPU, its regression made spatial.
 
-Kept from the paper: a pair of crops centred on the previous box, shared convolutions with skip
+Kept from the paper: the previous and the current frame seen together, shared convolutions with skip
 connections through 1x1 convolutions and PReLU, one fully connected layer, a two-layer factored
 peephole LSTM whose state is the model of the object, corners in crop coordinates under an L1 loss.
 
-Changed: the object part of the previous crop, and of the very first one, is correlated with the
-current crop; the fused map is read out as two heat maps (top-left and bottom-right corner), whose
-channels the LSTM's output scales and shifts; the current crop reaches further than the previous
-one, for fast motion. A head predicts the overlap of the box with the object.
+Changed: the previous frame is not cut and convolved again; what the network saw of it is taken from
+the embedding of one step ago, about the box found there, and carried in the state. The object part
+of that view, and of the very first one, is correlated with the current crop; the fused map is read
+out as two heat maps (top-left and bottom-right corner), whose channels the LSTM's output scales and
+shifts; the current crop reaches further than the view of the previous frame, for fast motion. A
+head predicts the overlap of the box with the object, from what it finds inside the box among
+others.
 """
 
 from __future__ import annotations
@@ -30,6 +33,9 @@ from re3.network.peephole_lstm import CellState, FactoredLSTM
 STRIDE = 8
 """Stride of the embedding's grid."""
 
+SMALLEST_VIEW = 0.02
+"""Least side of a box that is viewed, in units of the crop: a network gone astray gives less."""
+
 Features = tuple[Tensor, Tensor, Tensor]
 """Trunk maps of one crop at strides 4, 8 and 16."""
 
@@ -39,8 +45,9 @@ class LiteConfig:
     """Sizes of a `re3-lite` variant; channels unless said otherwise.
 
     Attributes:
-        previous: crop of the previous frame. Its middle, the object, is the template.
-        current: crop of the current frame, at the same pixels per object as the previous one.
+        current: crop of the current frame.
+        view: side of the view of the previous frame in units of the box's side (the paper's
+            padding). Its middle, the object, is the template.
         skips: outputs of the skip connections from strides 4, 8 and 16 (sec. III-A).
         embedding: of a crop's embedding.
         correlation: kept of each correlation.
@@ -51,8 +58,8 @@ class LiteConfig:
     """
 
     name: str = "re3-lite"
-    previous: CropSpec = CropSpec(context=2.0, size=128)
     current: CropSpec = CropSpec(context=3.0, size=192)
+    view: float = 2.0
     skips: tuple[int, int, int] = (16, 32, 64)
     embedding: int = 64
     correlation: int = 48
@@ -62,41 +69,45 @@ class LiteConfig:
     reset_interval: int = 32
 
     def __post_init__(self) -> None:
-        for crop in (self.previous, self.current):
-            if crop.size % 16:
-                raise ValueError(
-                    f"crop size {crop.size} is not a multiple of the trunk's stride 16"
-                )
-        if (
-            abs(
-                self.previous.size / self.previous.context
-                - self.current.size / self.current.context
-            )
-            > 1
-        ):
+        if self.current.size % 16:
             raise ValueError(
-                f"the object would have {self.previous.size / self.previous.context:.0f} pixels in "
-                f"the previous crop and {self.current.size / self.current.context:.0f} in the "
-                "current one; expected the same, since one is correlated with the other"
+                f"crop size {self.current.size} is not a multiple of the trunk's stride 16"
+            )
+        if not 1.0 <= self.view <= self.current.context:
+            raise ValueError(
+                f"the view is {self.view} boxes wide; expected 1 or more, and no more than the "
+                f"current crop's {self.current.context}"
             )
 
     @property
+    def grid(self) -> int:
+        """Side of a current crop's embedding."""
+        return self.current.size // STRIDE
+
+    @property
+    def view_cells(self) -> int:
+        """Side of the view of the previous frame, at the current crop's pixels per object."""
+        return round(self.current.size / self.current.context * self.view / STRIDE)
+
+    @property
     def template_cells(self) -> int:
-        """Side of the template on the embedding's grid: the object's part of the previous crop."""
-        return round(self.previous.size / self.previous.context / STRIDE)
+        """Side of the template: the object's part of a view."""
+        return round(self.view_cells / self.view)
 
     def spec(self) -> ModelSpec:
         units = self.lstm_units
         return ModelSpec(
             name=self.name,
-            previous=self.previous,
+            previous=None,
             current=self.current,
             fill=(PIXEL_MEAN, PIXEL_MEAN, PIXEL_MEAN),
             state={
                 **dict.fromkeys(FactoredLSTM.STATE_NAMES, (units,)),
                 "template": (self.embedding, self.template_cells, self.template_cells),
+                "view": (self.embedding, self.view_cells, self.view_cells),
                 "started": (1,),
             },
+            kept_at_reset=("view",),
             reset_interval=self.reset_interval,
         )
 
@@ -109,6 +120,7 @@ class LiteState(NamedTuple):
     lstm2_output: Tensor  # [N, units]
     lstm2_cell: Tensor  # [N, units]
     template: Tensor  # [N, embedding, cells, cells]: the object in the first frame
+    view: Tensor  # [N, embedding, cells, cells]: about the box in the previous frame
     started: Tensor  # [N, 1]: 0 before the first forward pass, 1 after it
 
 
@@ -118,6 +130,7 @@ class LiteOutput(NamedTuple):
     corners: Tensor  # [N, 4]: x1, y1, x2, y2 in the current crop, times REGRESSION_SCALE
     score_logit: Tensor  # [N]: sigmoid of it is the expected overlap
     heat_logits: Tensor  # [N, 2, G, G]: top-left and bottom-right corner
+    view: Tensor  # [N, C, V, V]: embedding about the box found
 
 
 class ChannelNorm(nn.Module):
@@ -147,10 +160,38 @@ class Embedding(nn.Module):
         self.norm = ChannelNorm(config.embedding)
 
     def forward(self, features: Features) -> Tensor:
-        """Trunk maps of N crops of S pixels to `[N, embedding, S / 8, S / 8]`."""
+        """Trunk maps of N crops to `[N, embedding, G, G]`."""
         at4, at8, at16 = features
         wide = nn.functional.interpolate(self.skip16(at16), scale_factor=2.0, mode="nearest")
         return self.norm(self.merge(torch.cat([self.skip4(at4), self.skip8(at8), wide], dim=1)))
+
+
+def sample_region(maps: Tensor, regions: Tensor, cells: int) -> Tensor:
+    """Maps resampled over a region each, linearly; averaged where the region is the coarser.
+
+    Two matrix products: every engine has them, and the region's edges lie along the grid's.
+
+    Args:
+        maps: `[N, C, G, G]`.
+        regions: `[N, 4]`, x1, y1, x2, y2 with the map over 0..1; outside of it there is zero.
+        cells: side of the result.
+
+    Returns:
+        `[N, C, cells, cells]`.
+    """
+    side = maps.shape[-1]
+    centres = torch.arange(side, dtype=maps.dtype, device=maps.device) + 0.5
+    steps = (torch.arange(cells, dtype=maps.dtype, device=maps.device) + 0.5) / cells
+
+    def weights(low: Tensor, high: Tensor) -> Tensor:  # [N] each to [N, cells, G]
+        low, extent = low[:, None, None] * side, (high - low)[:, None, None] * side
+        reach = (extent / cells).clamp(min=1.0)
+        distance = (low + extent * steps[:, None] - centres).abs()
+        return (1 - distance / reach).clamp(min=0) / reach
+
+    across = weights(regions[:, 0], regions[:, 2])[:, None]  # [N, 1, cells, G]
+    down = weights(regions[:, 1], regions[:, 3])[:, None]
+    return down @ (maps @ across.transpose(2, 3))
 
 
 class Correlation(nn.Module):
@@ -179,7 +220,7 @@ class LiteHead(nn.Module):
         super().__init__()
         self.config = config
         fused, units = config.fused, config.lstm_units
-        grid = config.current.size // STRIDE
+        grid = config.grid
         self.embedding = Embedding(config)
         self.correlate_previous = Correlation(config)
         self.correlate_first = Correlation(config)
@@ -194,7 +235,7 @@ class LiteHead(nn.Module):
         self.squeeze = nn.Sequential(
             nn.Conv2d(fused, fused // 2, 3, stride=2, padding=1), nn.PReLU(fused // 2)
         )
-        pooled = (config.previous.size // STRIDE // 4) ** 2 * config.embedding
+        pooled = (config.view_cells // 4) ** 2 * config.embedding
         self.fully_connected = nn.Sequential(
             nn.Linear((grid // 2) ** 2 * (fused // 2) + pooled, config.fully_connected), nn.ReLU()
         )
@@ -203,8 +244,9 @@ class LiteHead(nn.Module):
         self.refine = nn.Sequential(nn.Conv2d(fused, fused, 3, padding=1), nn.PReLU(fused))
         self.heat = nn.Conv2d(fused, 2, 1)
         self.residual = nn.Linear(units, 4)
+        likeness = 2 * config.template_cells**2
         self.score = nn.Sequential(
-            nn.Linear(units + 2 * fused + 2, 64), nn.ReLU(), nn.Linear(64, 1)
+            nn.Linear(units + 2 * fused + 2 + 4 + likeness, 64), nn.ReLU(), nn.Linear(64, 1)
         )
         centres = (torch.arange(grid) + 0.5) / grid * REGRESSION_SCALE
         self.register_buffer("centres", centres, persistent=False)
@@ -226,17 +268,36 @@ class LiteHead(nn.Module):
         shapes = self.config.spec().state
         return LiteState(**{k: torch.zeros(objects, *s, device=device) for k, s in shapes.items()})
 
-    def object_part(self, embedding: Tensor) -> Tensor:
-        """The middle of the previous crop's embedding, where the object is."""
-        cells = self.config.template_cells
-        start = (embedding.shape[-1] - cells) // 2
-        return embedding[:, :, start : start + cells, start : start + cells]
+    def view(self, embedding: Tensor, corners: Tensor) -> Tensor:
+        """The embedding about boxes found in it: what the next step knows of this frame.
 
-    def look(self, previous: Tensor, current: Tensor, template: Tensor) -> tuple[Tensor, Tensor]:
+        Args:
+            embedding: `[N, C, G, G]` of current crops.
+            corners: `[N, 4]` of the boxes in those crops, regression units.
+
+        Returns:
+            `[N, C, V, V]`, `LiteConfig.view` times as wide as the box.
+        """
+        low, high = corners.chunk(2, dim=1)
+        middle = (low + high) / 2 / REGRESSION_SCALE
+        half = ((high - low) / REGRESSION_SCALE).clamp(min=SMALLEST_VIEW) / 2 * self.config.view
+        regions = torch.cat([middle - half, middle + half], dim=1)
+        return sample_region(embedding, regions, self.config.view_cells)
+
+    def first_view(self, embedding: Tensor) -> Tensor:
+        """The view of the first frame, where the box is the one that the crop was cut about."""
+        return _middle(embedding, self.config.view_cells)
+
+    def object_part(self, view: Tensor) -> Tensor:
+        """The middle of a view, where the object is."""
+        return _middle(view, self.config.template_cells)
+
+    def look(self, view: Tensor, embedding: Tensor, template: Tensor) -> tuple[Tensor, Tensor]:
         """What does not depend on the recurrent state.
 
         Args:
-            previous, current: embeddings of the two crops.
+            view: of the previous frame, `[N, C, V, V]`.
+            embedding: of the current crop, `[N, C, G, G]`.
             template: `[N, C, K, K]`, of the first frame.
 
         Returns:
@@ -245,19 +306,21 @@ class LiteHead(nn.Module):
         fused = self.fuse(
             torch.cat(
                 [
-                    current,
-                    self.correlate_previous(self.object_part(previous), current),
-                    self.correlate_first(template, current),
+                    embedding,
+                    self.correlate_previous(self.object_part(view), embedding),
+                    self.correlate_first(template, embedding),
                 ],
                 dim=1,
             )
         )
-        pooled = nn.functional.avg_pool2d(previous, 4)
+        pooled = nn.functional.avg_pool2d(view, 4)
         both = torch.cat([self.squeeze(fused).flatten(1), pooled.flatten(1)], dim=1)
         return fused, self.fully_connected(both)
 
-    def read(self, fused: Tensor, recurrent: Tensor) -> LiteOutput:
-        """Fused map `[N, fused, G, G]` and LSTM output `[N, units]` to corners and score."""
+    def read(
+        self, fused: Tensor, recurrent: Tensor, view: Tensor, embedding: Tensor, template: Tensor
+    ) -> LiteOutput:
+        """Corners and score from the LSTM's output `[N, units]` and what `look` saw and gave."""
         scale, shift = self.modulate(recurrent)[:, :, None, None].chunk(2, dim=1)
         refined = self.refine(fused * (1 + scale) + shift)
         logits = self.heat(refined)
@@ -265,29 +328,29 @@ class LiteHead(nn.Module):
         x = (heat.sum(dim=2) * self.centres).sum(dim=2)  # [N, 2]
         y = (heat.sum(dim=3) * self.centres).sum(dim=2)
         corners = torch.stack([x[:, 0], y[:, 0], x[:, 1], y[:, 1]], dim=1)
+        corners = corners + self.residual(recurrent)
+        found = self.view(embedding, corners.detach())
+        inside = self.object_part(found)
         evidence = torch.cat(
             [
                 recurrent,
                 refined.mean(dim=(2, 3)),
                 refined.amax(dim=(2, 3)),
                 torch.log(heat.amax(dim=(2, 3)) + 1e-6),
+                corners.detach() / REGRESSION_SCALE,
+                (inside * template).mean(dim=1).flatten(1),
+                (inside * self.object_part(view)).mean(dim=1).flatten(1),
             ],
             dim=1,
         )
-        return LiteOutput(
-            corners=corners + self.residual(recurrent),
-            score_logit=self.score(evidence)[:, 0],
-            heat_logits=logits,
-        )
+        return LiteOutput(corners, self.score(evidence)[:, 0], logits, found)
 
-    def forward(
-        self, previous: Features, current: Features, state: LiteState
-    ) -> tuple[LiteOutput, LiteState]:
-        """One step of N objects from trunk maps; the state goes in and comes out."""
-        previous_map, current_map = self.embedding(previous), self.embedding(current)
+    def forward(self, embedding: Tensor, state: LiteState) -> tuple[LiteOutput, LiteState]:
+        """One step of N objects from their crops' embeddings; the state goes in and comes out."""
         started = state.started[:, :, None, None]
-        template = started * state.template + (1 - started) * self.object_part(previous_map)
-        fused, features = self.look(previous_map, current_map, template)
+        view = started * state.view + (1 - started) * self.first_view(embedding)
+        template = started * state.template + (1 - started) * self.object_part(view)
+        fused, features = self.look(view, embedding, template)
         recurrent, (first, second) = self.lstm(
             features,
             (
@@ -295,44 +358,56 @@ class LiteHead(nn.Module):
                 CellState(state.lstm2_output, state.lstm2_cell),
             ),
         )
+        output = self.read(fused, recurrent, view, embedding, template)
         new_state = LiteState(
             lstm1_output=first.output,
             lstm1_cell=first.cell,
             lstm2_output=second.output,
             lstm2_cell=second.cell,
             template=template,
+            # In the first frame the box given counts, not the one found.
+            view=started * output.view + (1 - started) * view,
             started=torch.ones_like(state.started),
         )
-        return self.read(fused, recurrent), new_state
+        return output, new_state
 
-    def unroll(self, previous: Features, current: Features, steps: int) -> LiteOutput:
+    def unroll(self, crops: Features, looked: Tensor, steps: int) -> LiteOutput:
         """All steps of fresh tracks at once; equals `forward` step by step from the zero state.
 
         Only the LSTM runs step by step, everything else over all steps in one batch.
 
         Args:
-            previous, current: trunk maps `[steps * N, ...]`, step-major; step 0 is the
+            crops: trunk maps of the current crops, `[steps * N, ...]`, step-major; step 0 is the
                 initialisation frame.
+            looked: `[steps * N, 4]`, the box of the frame before about which each step's crop was
+                cut, in the crop of the step before, regression units; unused for step 0.
             steps: number of steps.
 
         Returns:
             output for `[steps * N]`, step-major.
         """
-        previous_map, current_map = self.embedding(previous), self.embedding(current)
-        objects = len(previous_map) // steps
-        template = self.object_part(previous_map[:objects]).repeat(steps, 1, 1, 1)
-        fused, features = self.look(previous_map, current_map, template)
+        embedding = self.embedding(crops)
+        objects = len(embedding) // steps
+        first = self.first_view(embedding[:objects])
+        view = torch.cat([first, self.view(embedding[:-objects], looked[objects:])])
+        template = self.object_part(first).repeat(steps, 1, 1, 1)
+        fused, features = self.look(view, embedding, template)
         zero = features.new_zeros(objects, self.config.lstm_units)
         state = (CellState(zero, zero), CellState(zero, zero))
         outputs = []
         for step in range(steps):
             output, state = self.lstm(features[step * objects : (step + 1) * objects], state)
             outputs.append(output)
-        return self.read(fused, torch.cat(outputs))
+        return self.read(fused, torch.cat(outputs), view, embedding, template)
+
+
+def _middle(maps: Tensor, cells: int) -> Tensor:
+    start = (maps.shape[-1] - cells) // 2
+    return maps[:, :, start : start + cells, start : start + cells]
 
 
 class Re3Lite(nn.Module):
-    """Trunk and head: two batches of crops and a state in, corners, score and state out."""
+    """Trunk and head: a batch of crops and a state in, corners, score and state out."""
 
     def __init__(self, config: LiteConfig | None = None) -> None:
         super().__init__()
@@ -352,20 +427,16 @@ class Re3Lite(nn.Module):
         """Trunk maps of uint8 `[N, S, S, 3]` BGR crops."""
         return self.trunk(crops.permute(0, 3, 1, 2).float() - PIXEL_MEAN)
 
-    def forward(
-        self, previous_crops: Tensor, current_crops: Tensor, state: LiteState
-    ) -> tuple[Tensor, Tensor, LiteState]:
+    def forward(self, crops: Tensor, state: LiteState) -> tuple[Tensor, Tensor, LiteState]:
         """One step of N objects.
 
         Args:
-            previous_crops, current_crops: uint8 `[N, S, S, 3]`, BGR, each of its own size.
+            crops: of the current frame, uint8 `[N, S, S, 3]`, BGR.
             state: of the step before; `head.zero_state(N)` for the first.
 
         Returns:
             corners `[N, 4]` in the current crop times `REGRESSION_SCALE`, expected overlap `[N]`
             in 0..1, and the new state.
         """
-        output, new_state = self.head(
-            self.features(previous_crops), self.features(current_crops), state
-        )
+        output, new_state = self.head(self.head.embedding(self.features(crops)), state)
         return output.corners, torch.sigmoid(output.score_logit), new_state

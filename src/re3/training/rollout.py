@@ -39,7 +39,9 @@ class Rollout:
     """All steps of a batch of tracks, step-major `[steps * N, ...]`.
 
     Attributes:
-        previous, current: trunk maps of the crops.
+        crops: trunk maps of the current crops.
+        looked: `[steps * N, 4]`, the box of the frame before that each crop was cut about, in the
+            crop of the step before, regression units; 0 for the first step.
         targets: `[steps * N, 4]` true corners in regression units; 0 where there are none.
         has_box: `[steps * N]`, 1 where the object is present and inside the current crop.
         hidden: `[steps * N]`, 1 where it is all but hidden.
@@ -47,8 +49,8 @@ class Rollout:
         put_back: share of own predictions that had to be put back on the truth.
     """
 
-    previous: Features
-    current: Features
+    crops: Features
+    looked: Tensor
     targets: Tensor
     has_box: Tensor
     hidden: Tensor
@@ -61,8 +63,8 @@ class Rollout:
         rows = torch.from_numpy((np.arange(self.steps)[:, None] * batch + sequences).reshape(-1))
         return replace(
             self,
-            previous=_pick(self.previous, rows),
-            current=_pick(self.current, rows),
+            crops=_pick(self.crops, rows),
+            looked=self.looked[rows],
             targets=self.targets[rows],
             has_box=self.has_box[rows],
             hidden=self.hidden[rows],
@@ -73,7 +75,7 @@ def roll_out(
     clips: Several[Clip],
     own: NDArray[np.bool_],
     head: LiteHead,
-    trunks: tuple[FrozenTrunk, FrozenTrunk],
+    trunk: FrozenTrunk,
     noise: CropNoise,
     rng: np.random.Generator,
     pool: Executor,
@@ -84,7 +86,7 @@ def roll_out(
         clips: N clips of equal length; the object is present in the first frame.
         own: `[N]`, True where crops are cut at the network's own predictions.
         head: decides where it looks next.
-        trunks: for the previous and for the current crop.
+        trunk: of the network.
         noise: disturbance of the crops.
         rng: source of the noise.
         pool: cuts crops in parallel.
@@ -95,19 +97,18 @@ def roll_out(
     objects, steps = truth.shape[:2]
     boxes = truth[:, 0].copy()
     state = head.zero_state(objects)
-    previous_maps: list[Features] = []
-    current_maps: list[Features] = []
+    maps: list[Features] = []
+    looked: list[Floats] = []
     targets, has_box, put_back = [], [], 0
+    embedding: Tensor | None = None
+    regions = geometry.search_region(boxes, config.current.context)
     for t in range(steps):
-        looked, current_regions = _regions(
-            boxes, own, t, noise, rng, config.previous, config.current
-        )
-        previous_crops = _crops(clips, max(t - 1, 0), looked, config.previous.size, pool)
-        current_crops = _crops(clips, t, current_regions, config.current.size, pool)
-        previous_maps.append(trunks[0](previous_crops))
-        current_maps.append(trunks[1](current_crops))
+        about, new_regions = _regions(boxes, own, t, noise, rng, config.current)
+        looked.append(geometry.encode(about, regions) if t else np.zeros((objects, 4)))
+        regions = new_regions
+        maps.append(trunk(_crops(clips, t, regions, config.current.size, pool)))
 
-        target = geometry.encode(truth[:, t], current_regions)
+        target = geometry.encode(truth[:, t], regions)
         centre = (target[:, :2] + target[:, 2:]) / 2 / geometry.REGRESSION_SCALE
         with np.errstate(invalid="ignore"):
             # False for NaN, where the object is absent.
@@ -119,16 +120,20 @@ def roll_out(
         boxes = np.where(present[:, None], truth[:, t], boxes)
         if own.any() and t < steps - 1:
             with torch.no_grad():
-                output, state = head(previous_maps[-1], current_maps[-1], state)
+                if embedding is not None:
+                    at = torch.from_numpy(looked[-1]).float()
+                    state = state._replace(view=head.view(embedding, at))
+                embedding = head.embedding(maps[-1])
+                output, state = head(embedding, state)
             if t == 0:
                 continue  # the box given is the first result
-            predicted = geometry.decode(output.corners.numpy(), current_regions)
+            predicted = geometry.decode(output.corners.numpy(), regions)
             usable = own & _usable(predicted, truth[:, t], centre)
             put_back += int((own & ~usable).sum())
             boxes = np.where(usable[:, None], predicted, boxes)
     return Rollout(
-        previous=_stack(previous_maps),
-        current=_stack(current_maps),
+        crops=_stack(maps),
+        looked=torch.from_numpy(np.concatenate(looked)).float(),
         targets=torch.from_numpy(np.concatenate(targets)).float(),
         has_box=torch.from_numpy(np.concatenate(has_box)).float(),
         hidden=torch.from_numpy((visible.T.reshape(-1) < HIDDEN).astype(np.float32)),
@@ -143,10 +148,9 @@ def _regions(
     t: int,
     noise: CropNoise,
     rng: np.random.Generator,
-    previous: CropSpec,
-    current: CropSpec,
+    crop: CropSpec,
 ) -> tuple[Floats, Floats]:
-    """Regions `[N, 4]` of the previous and of the current crop, disturbed."""
+    """Boxes `[N, 4]` of the frame before as the tracker might have them, and regions to crop."""
     n = len(boxes)
     at = geometry.convert(boxes, "xyxy", "cxcywh")
     at[:, 2:] = np.maximum(at[:, 2:], geometry.SMALLEST_SIDE)
@@ -165,12 +169,12 @@ def _regions(
         jump = np.clip(rng.laplace(0, noise.jump, (n, 2)), -noise.jump_limit, noise.jump_limit)
         blind = (rng.random(n) < np.where(own, 0.0, noise.blind))[:, None]
         angle = rng.uniform(0, 2 * np.pi, n)
-        away = 2.2 * current.context * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        away = 2.2 * crop.context * np.stack([np.cos(angle), np.sin(angle)], axis=1)
         at[:, :2] += np.where(blind, away, jump * jumps) * at[:, 2:]
         at[:, 2:] *= np.exp(np.clip(rng.laplace(0, noise.jump_scale, (n, 2)), -0.3, 0.3) * jumps)
     return (
-        geometry.search_region(looked, previous.context),
-        geometry.search_region(geometry.convert(at, "cxcywh", "xyxy"), current.context),
+        looked,
+        geometry.search_region(geometry.convert(at, "cxcywh", "xyxy"), crop.context),
     )
 
 

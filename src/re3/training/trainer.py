@@ -83,10 +83,9 @@ class Trainer:
         self.network, self.sampler, self.recipe = network, sampler, recipe
         self.folder = Path(folder)
         self.folder.mkdir(parents=True, exist_ok=True)
-        self.trunks = (
-            FrozenTrunk(network, network.config.previous.size, threads),
-            FrozenTrunk(network, network.config.current.size, threads),
-        )
+        # Convolutions learn a quarter faster with the channels last.
+        network.head.to(memory_format=torch.channels_last)
+        self.trunk = FrozenTrunk(network, network.config.current.size, threads)
         self.average = copy.deepcopy(network).eval()
         self.optimizer = torch.optim.AdamW(
             network.head.parameters(),
@@ -169,7 +168,7 @@ class Trainer:
             )
         )
         rollout = roll_out(
-            clips, rng.random(batch) < own, head, self.trunks, self.recipe.noise, rng, self._pool
+            clips, rng.random(batch) < own, head, self.trunk, self.recipe.noise, rng, self._pool
         )
         if self.recipe.passes == self.recipe.parts == 1:
             return self._learn(rollout), rollout
@@ -181,7 +180,7 @@ class Trainer:
     def _learn(self, rollout: Rollout) -> Losses:
         """One step of the optimiser."""
         head = self.network.head
-        output = head.unroll(rollout.previous, rollout.current, rollout.steps)
+        output = head.unroll(rollout.crops, rollout.looked, rollout.steps)
         losses = tracking_loss(
             output, rollout.targets, rollout.has_box, rollout.hidden, self.recipe.loss
         )
