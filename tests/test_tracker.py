@@ -13,6 +13,7 @@ from re3 import geometry
 from re3.engine import StepOutput
 from re3.model_spec import CropSpec, ModelSpec
 from re3.result import Status
+from re3.search import PLACES
 from re3.tracker import LOST_BELOW, UNCERTAIN_BELOW, status_of
 from re3.video import open_source
 
@@ -128,6 +129,83 @@ def test_a_model_without_previous_crop_gets_none():
     again = re3.Tracker(engine=engine)
     again.load_state(tracker.save_state())
     assert again.update(noise()) == tracker.update(noise())
+
+
+class Elsewhere(Counter):
+    """Sees nothing where it is told to be blind; sure of whatever else it looks at."""
+
+    def __init__(self, blind):
+        super().__init__(spec=replace(SPEC, fill=(0.0, 0.0, 0.0)))
+        self.blind = blind
+
+    def step(self, previous_crops, current_crops, state):
+        output = super().step(previous_crops, current_crops, state)
+        dark = current_crops.reshape(len(current_crops), -1).mean(axis=1) < self.blind
+        return output._replace(score=np.where(dark, 0.1, 0.9).astype(np.float32))
+
+
+def reappearing(place):
+    """A bright object in the dark, gone for three frames, then somewhere else."""
+    frames = [np.zeros((200, 400, 3), np.uint8) for _ in range(12)]
+    for index, frame in enumerate(frames):
+        x, y = (40, 30) if index < 2 else place
+        if index not in (2, 3, 4):
+            frame[y : y + 20, x : x + 24] = 255
+    return frames
+
+
+@pytest.mark.parametrize("place", [(112, 30), (40, 90), (112, 90)])
+def test_a_lost_object_is_found_again_where_it_reappears(place):
+    tracker = re3.Tracker(engine=Elsewhere(blind=20))
+    frames = reappearing(place)
+    tracker.init(frames[0], BOX)
+    results = [tracker.update(frame) for frame in frames[1:]]
+    assert [r.status for r in results[:4]] == [Status.TRACKED] + [Status.LOST] * 3
+    assert results[-1].status is Status.TRACKED
+    x, y, w, h = results[-1].box_xywh
+    assert abs(x - place[0]) < w and abs(y - place[1]) < h
+
+
+def test_a_tracker_told_not_to_search_stays_where_it_is():
+    engine = Elsewhere(blind=20)
+    tracker = re3.Tracker(engine=engine, search=False)
+    frames = reappearing((112, 90))
+    tracker.init(frames[0], BOX)
+    results = [tracker.update(frame) for frame in frames[1:]]
+    assert all(r.status is Status.LOST for r in results[1:])
+    assert all(len(current) == 1 for _, current, _ in engine.calls)
+
+
+def test_only_lost_objects_cost_more_crops():
+    engine = Counter(score=0.9)
+    tracker = re3.MultiTracker(engine=engine)
+    tracker.add(noise(), BOX)
+    tracker.update(noise())
+    engine.score = LOST_BELOW - 0.1
+    tracker.update(noise())
+    tracker.update(noise())
+    assert [len(current) for _, current, _ in engine.calls] == [1, 1, 1, 1 + PLACES]
+
+
+def test_a_search_in_vain_leaves_the_track_as_it_was():
+    results = []
+    for search in (True, False):
+        tracker = re3.Tracker(engine=Counter(score=0.1, corners=(3, 3, 8, 8)), search=search)
+        tracker.init(noise(), BOX)
+        results.append([tracker.update(noise()) for _ in range(5)])
+    assert results[0] == results[1]
+
+
+def test_a_search_goes_on_from_a_saved_state():
+    frames, engine = reappearing((112, 90)), Elsewhere(blind=20)
+    tracker = re3.Tracker(engine=engine)
+    tracker.init(frames[0], BOX)
+    for frame in frames[1:4]:
+        tracker.update(frame)
+    again = re3.Tracker(engine=engine)
+    again.load_state(tracker.save_state())
+    for frame in frames[4:]:
+        assert again.update(frame) == tracker.update(frame)
 
 
 def test_objects_added_later_reset_on_their_own_clock():

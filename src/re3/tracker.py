@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +14,7 @@ from re3.engine import Engine, State, load_engine, zero_state
 from re3.frames import as_bgr
 from re3.geometry import Floats
 from re3.result import Result, Status
+from re3.search import places
 
 UNCERTAIN_BELOW = 0.55
 LOST_BELOW = 0.4
@@ -20,6 +22,9 @@ LOST_BELOW = 0.4
 were 37 % of the failures (overlap under .2) and 8.1 % of the good boxes (overlap of .5 or more),
 below .4 4.7 % of the failures and 0.1 % of the good boxes. A box that is not called lost may well
 be."""
+
+FOUND_FROM = 0.6
+"""An object that is searched for is taken back where the score is this or more."""
 
 
 def status_of(score: float) -> Status:
@@ -41,6 +46,8 @@ class _Track:
         first_state: the state after the first forward pass, to which it is reset.
         steps: since the last reset.
         result: of the frame last seen.
+        trusted_xyxy: `[4]`, the latest box that was neither uncertain nor lost.
+        lost_for: frames that the object has been lost for.
     """
 
     box_xyxy: Floats
@@ -49,6 +56,15 @@ class _Track:
     first_state: State
     steps: int
     result: Result
+    trusted_xyxy: Floats
+    lost_for: int = 0
+
+
+class _Look(NamedTuple):
+    """A crop to take: where, and with which memory."""
+
+    box_xyxy: Floats
+    state: State
 
 
 class MultiTracker:
@@ -62,14 +78,21 @@ class MultiTracker:
         model: name of a shipped model (`re3 models` lists them) or path of an exported file.
         engine: "auto", "onnx" or "torch", or an engine of your own.
         threads: of the engine; 0 takes one for each core.
+        search: look for a lost object in a wider and wider area, four crops more a frame.
 
     Raises:
         ValueError: unknown model or engine.
     """
 
     def __init__(
-        self, model: str = "re3-lite", engine: str | Engine = "auto", *, threads: int = 0
+        self,
+        model: str = "re3-lite",
+        engine: str | Engine = "auto",
+        *,
+        threads: int = 0,
+        search: bool = True,
     ) -> None:
+        self._search = search
         self._engine = load_engine(model, engine, threads) if isinstance(engine, str) else engine
         self._tracks: dict[int, _Track] = {}
         self._next_id = 1
@@ -131,29 +154,52 @@ class MultiTracker:
         image = as_bgr(frame)
         if not self._tracks:
             return {}
-        tracks = list(self._tracks.values())
+        height, width = image.shape[:2]
+        looks = {i: self._looks(track, width, height) for i, track in self._tracks.items()}
+        found, score, states = self._find(image, looks)
+        row = 0
+        for identity, track in self._tracks.items():
+            own = slice(row, row + len(looks[identity]))
+            best = own.start + self._choice(score[own])
+            if best > own.start:
+                track.steps = 0  # taken back with the memory of the first frame
+            state = {name: values[best] for name, values in states.items()}
+            self._advance(track, image, found[best], float(score[best]), state)
+            row = own.stop
+        return self.results
+
+    def _looks(self, track: _Track, width: int, height: int) -> list[_Look]:
+        """The crop about the box last found; for a lost object others after it."""
+        looks = [_Look(track.box_xyxy, track.state)]
+        if self._search and track.lost_for:
+            boxes = places(track.trusted_xyxy, track.lost_for, width, height)
+            looks += [_Look(box, track.first_state) for box in boxes]
+        return looks
+
+    def _find(
+        self, image: NDArray[np.uint8], looks: Mapping[int, list[_Look]]
+    ) -> tuple[Floats, NDArray[np.float32], State]:
+        """All crops of a frame in one network call: boxes_xyxy, scores and states of each."""
         spec = self._engine.spec
-        boxes = np.stack([track.box_xyxy for track in tracks])
+        every = [look for own in looks.values() for look in own]
+        boxes = np.stack([look.box_xyxy for look in every])
         regions = geometry.snap(geometry.search_region(boxes, spec.current.context))
         output = self._engine.step(
-            _stacked([track.previous_crop for track in tracks]),
+            _stacked([self._tracks[i].previous_crop for i, own in looks.items() for _ in own]),
             np.stack([geometry.crop(image, r, spec.current.size, spec.fill) for r in regions]),
-            {name: np.stack([track.state[name] for track in tracks]) for name in spec.state},
+            {name: np.stack([look.state[name] for look in every]) for name in spec.state},
         )
         height, width = image.shape[:2]
         found = geometry.decode(output.corners, regions)
         # A network gone astray must not poison the crops to come: keep the box it had.
         found = np.where(np.isfinite(found).all(axis=1, keepdims=True), found, boxes)
-        found = geometry.clip_inside(found, width, height)
-        for index, track in enumerate(tracks):
-            self._advance(
-                track,
-                image,
-                found[index],
-                float(output.score[index]),
-                {name: values[index] for name, values in output.state.items()},
-            )
-        return self.results
+        return geometry.clip_inside(found, width, height), output.score, output.state
+
+    @staticmethod
+    def _choice(scores: NDArray[np.float32]) -> int:
+        """Which of an object's crops to believe: the first unless another is sure."""
+        best = int(np.argmax(scores))
+        return best if scores[best] >= FOUND_FROM else 0
 
     def save_state(self) -> dict[str, NDArray]:
         """Everything remembered, as plain arrays (for `numpy.savez`, say)."""
@@ -168,6 +214,8 @@ class MultiTracker:
             if track.previous_crop is not None:
                 saved[prefix + "previous_crop"] = track.previous_crop.copy()
             saved[prefix + "steps"] = np.array(track.steps)
+            saved[prefix + "trusted_xyxy"] = track.trusted_xyxy.copy()
+            saved[prefix + "lost_for"] = np.array(track.lost_for)
             saved[prefix + "result"] = np.array(
                 [*result.box_xywh, result.score, result.frame_index], dtype=np.float64
             )
@@ -224,6 +272,8 @@ class MultiTracker:
             state=states[0],
             first_state=states[1],
             steps=int(saved[prefix + "steps"]),
+            trusted_xyxy=np.array(saved[prefix + "trusted_xyxy"], np.float64),
+            lost_for=int(saved[prefix + "lost_for"]),
             result=Result(
                 box_xywh=(x, y, w, h),
                 score=score,
@@ -244,7 +294,7 @@ class MultiTracker:
         # The box it finds is discarded in favour of the one given.
         output = self._engine.step(_stacked([previous]), current[None], zero_state(spec, 1))
         state = {name: values[0] for name, values in output.state.items()}
-        return _Track(box, previous, state, state, 0, result)
+        return _Track(box, previous, state, state, 0, result, trusted_xyxy=box)
 
     def _advance(
         self,
@@ -261,11 +311,15 @@ class MultiTracker:
             kept = {name: state[name] for name in spec.kept_at_reset}
             track.state, track.steps = {**track.first_state, **kept}, 0
         track.box_xyxy = box_xyxy
+        status = status_of(score)
+        track.lost_for = track.lost_for + 1 if status is Status.LOST else 0
+        if status is Status.TRACKED:
+            track.trusted_xyxy = box_xyxy
         track.previous_crop = self._crop_previous(image, box_xyxy)
         track.result = Result(
             box_xywh=_as_tuple(geometry.convert(box_xyxy, "xyxy", "xywh")),
             score=score,
-            status=status_of(score),
+            status=status,
             frame_index=track.result.frame_index + 1,
             object_id=track.result.object_id,
             name=track.result.name,
@@ -291,9 +345,14 @@ class Tracker:
     """
 
     def __init__(
-        self, model: str = "re3-lite", engine: str | Engine = "auto", *, threads: int = 0
+        self,
+        model: str = "re3-lite",
+        engine: str | Engine = "auto",
+        *,
+        threads: int = 0,
+        search: bool = True,
     ) -> None:
-        self._multi = MultiTracker(model, engine, threads=threads)
+        self._multi = MultiTracker(model, engine, threads=threads, search=search)
 
     def init(self, frame: NDArray[np.uint8], box_xywh: ArrayLike) -> Result:
         """Start to track the object in the box, forgetting any earlier one.

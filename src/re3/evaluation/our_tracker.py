@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from re3.engine import Engine, StepOutput, load_engine
 
 _WITH_OPTIONS = re.compile(r"(?P<model>.+?)(?P<options>(?:@[a-z0-9-]+)*)")
-EXPECTED_OPTIONS = "onnx, torch, no-reset, reset-N, threads-N"
+EXPECTED_OPTIONS = "onnx, torch, no-reset, reset-N, no-search, threads-N"
 
 
 @dataclass(frozen=True)
@@ -28,11 +28,13 @@ class OurOptions:
         threads: of the engine; 0 takes one for each core.
         reset_interval: steps after which the recurrent state is reset (Re3, sec. III-C: 32); 0
             never; None as the model says.
+        search: look for a lost object in a wider area.
     """
 
     engine: str = "auto"
     threads: int = 0
     reset_interval: int | None = None
+    search: bool = True
 
 
 def split_options(asked: str) -> tuple[str, OurOptions]:
@@ -51,6 +53,8 @@ def split_options(asked: str) -> tuple[str, OurOptions]:
             options = replace(options, engine=word)
         elif word == "no-reset":
             options = replace(options, reset_interval=0)
+        elif word == "no-search":
+            options = replace(options, search=False)
         elif name == "reset" and number.isdecimal() and int(number) > 0:
             options = replace(options, reset_interval=int(number))
         elif name == "threads" and number.isdecimal() and int(number) > 0:
@@ -78,7 +82,7 @@ class OurTracker:
         engine = load_engine(model, options.engine, options.threads)
         if options.reset_interval is not None:
             engine = _OtherReset(engine, options.reset_interval)
-        self._tracker = Tracker(model=model, engine=engine)
+        self._tracker = Tracker(model=model, engine=engine, search=options.search)
 
     def init(self, frame: NDArray[np.uint8], box_xywh: ArrayLike) -> None:
         """Start at a box."""
@@ -99,7 +103,7 @@ class _OtherReset:
 
     def step(
         self,
-        previous_crops: NDArray[np.uint8],
+        previous_crops: NDArray[np.uint8] | None,
         current_crops: NDArray[np.uint8],
         state: Mapping[str, NDArray[np.float32]],
     ) -> StepOutput:

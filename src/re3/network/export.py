@@ -42,7 +42,8 @@ def export_onnx(network: Network, path: str | Path, *, half_weights: bool = True
     """Write the one-step graph.
 
     Inputs `previous_crops` (of networks that take any) and `current_crops` are uint8
-    `[N, S, S, 3]` BGR; each state comes in as `<name>` and goes out as `new_<name>`; outputs `corners` `[N, 4]` and `score` `[N]`.
+    `[N, S, S, 3]` BGR; each state comes in as `<name>` and goes out as `new_<name>`; outputs
+    `corners` `[N, 4]` and `score` `[N]`.
 
     Args:
         network: exported in evaluation mode.

@@ -46,6 +46,8 @@ class CropNoise:
             predictions.
         blind: probability per step at the truth of a crop that misses the object altogether, from
             which the score learns what failure looks like.
+        stay_lost: probability per sequence that a track on its own predictions is not put back on
+            the truth once it has lost the object: what comes after a loss is learnt from as well.
     """
 
     drift: float = 0.11
@@ -58,6 +60,7 @@ class CropNoise:
     jumps: float = 0.4
     jumps_own: float = 0.08
     blind: float = 0.03
+    stay_lost: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,10 @@ REACH = 0.9
 SWELL = 4.0
 """... or once its area is off by this factor."""
 
+READABLE = 0.6, 12.0
+"""Sides of the true box, in regression units, between which a lost track can learn from it: the
+crop is 10 wide, and one cell of the heat maps 0.4."""
+
 
 @dataclass(frozen=True, eq=False)
 class Rollout:
@@ -43,7 +47,8 @@ class Rollout:
         looked: `[steps * N, 4]`, the box of the frame before that each crop was cut about, in the
             crop of the step before, regression units; 0 for the first step.
         targets: `[steps * N, 4]` true corners in regression units; 0 where there are none.
-        has_box: `[steps * N]`, 1 where the object is present and inside the current crop.
+        has_box: `[steps * N]`, 1 where the object is present, its centre inside the current crop,
+            and its size one that the crop can show.
         hidden: `[steps * N]`, 1 where it is all but hidden.
         steps: number of steps, the initialisation frame included.
         put_back: share of own predictions that had to be put back on the truth.
@@ -96,6 +101,7 @@ def roll_out(
     visible = np.stack([clip.visible for clip in clips])  # [N, T]
     objects, steps = truth.shape[:2]
     boxes = truth[:, 0].copy()
+    stays = rng.random(objects) < noise.stay_lost
     state = head.zero_state(objects)
     maps: list[Features] = []
     looked: list[Floats] = []
@@ -113,6 +119,8 @@ def roll_out(
         with np.errstate(invalid="ignore"):
             # False for NaN, where the object is absent.
             inside = np.abs(centre - 0.5).max(axis=1) < 0.5
+            sides = target[:, 2:] - target[:, :2]
+            inside &= ((sides > READABLE[0]) & (sides < READABLE[1])).all(axis=1)
         targets.append(np.where(inside[:, None], target, 0.0))
         has_box.append(inside)
 
@@ -128,7 +136,7 @@ def roll_out(
             if t == 0:
                 continue  # the box given is the first result
             predicted = geometry.decode(output.corners.numpy(), regions)
-            usable = own & _usable(predicted, truth[:, t], centre)
+            usable = own & (_usable(predicted, truth[:, t], centre) | (stays & _sane(predicted)))
             put_back += int((own & ~usable).sum())
             boxes = np.where(usable[:, None], predicted, boxes)
     return Rollout(
@@ -184,16 +192,21 @@ def _crops(
     return np.stack(list(pool.map(lambda c, r: c.crop(frame, r, size), clips, regions)))
 
 
+def _sane(predicted: Floats) -> NDArray[np.bool_]:
+    """Whether a prediction is a box at all."""
+    smallest: Floats = (predicted[:, 2:] - predicted[:, :2]).min(axis=1)
+    return smallest > geometry.SMALLEST_SIDE
+
+
 def _usable(predicted: Floats, truth: Floats, centre: Floats) -> NDArray[np.bool_]:
     """Whether tracking can go on from a prediction; where the truth is unknown, it can."""
     size = predicted[:, 2:] - predicted[:, :2]
-    sane = (size > geometry.SMALLEST_SIDE).all(axis=1)
     area = np.prod(np.maximum(size, geometry.SMALLEST_SIDE), axis=1)
     true_area = np.prod(truth[:, 2:] - truth[:, :2], axis=1)
     with np.errstate(invalid="ignore"):
         near = (np.abs(centre - 0.5) < REACH / 2).all(axis=1)
         alike = np.abs(np.log(area / true_area)) < np.log(SWELL)
-    return sane & ((near & alike) | np.isnan(true_area))
+    return _sane(predicted) & ((near & alike) | np.isnan(true_area))
 
 
 def _stack(maps: list[Features]) -> Features:

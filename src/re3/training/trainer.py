@@ -84,7 +84,7 @@ class Trainer:
         self.folder = Path(folder)
         self.folder.mkdir(parents=True, exist_ok=True)
         # Convolutions learn a quarter faster with the channels last.
-        network.head.to(memory_format=torch.channels_last)
+        network.head.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.trunk = FrozenTrunk(network, network.config.current.size, threads)
         self.average = copy.deepcopy(network).eval()
         self.optimizer = torch.optim.AdamW(
