@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from re3.data.hiding import AFTER, HiddenSequence
 from re3.data.sequence import Sequence
 from re3.evaluation.ablation import ablation, robustness
 from re3.evaluation.imagenet_vid import pooled_success
@@ -14,6 +15,7 @@ from re3.evaluation.occlusion import attribute_means, occlusion_table
 from re3.evaluation.one_pass import Track
 from re3.evaluation.protocol import over_repeats
 from re3.evaluation.protocols import PROTOCOLS, find_protocol
+from re3.evaluation.reappearance import reappearance
 from re3.evaluation.sequence_result import SequenceResult
 from re3.evaluation.supervised import Step, SupervisedTrack
 
@@ -175,7 +177,7 @@ def test_figures_over_repetitions():
 def test_every_protocol_has_figures_of_nothing(name):
     protocol = find_protocol(name)
     assert protocol.name == name
-    assert protocol.one_pass == (name in ("ope", "imagenet-vid"))
+    assert protocol.one_pass == (name in ("ope", "imagenet-vid", "hidden"))
     figures = protocol.summarise([])
     assert list(figures) == [measure.name for measure in protocol.measures]
     shown = [*protocol.by_sequence, *(axis.measure for axis in protocol.trade_off or ())]
@@ -189,3 +191,33 @@ def test_unknown_names_are_told():
         find_protocol("otb")
     with pytest.raises(ValueError, match=r"no VOT challenge 'vot1999'.*vot2016"):
         find_protocol("vot", "vot1999")
+
+
+@pytest.mark.parametrize(
+    ("before", "at_return", "later", "expected"),
+    [
+        (BOX, BOX, BOX, (1, 1, 1)),
+        (BOX, FAR, BOX, (1, 1, 1)),  # taken back within the frames it has for that
+        (BOX, FAR, FAR, (0, 1, 0)),
+        (FAR, FAR, FAR, (0, 0, 0)),  # never had it
+        (BOX, BOX, HALF, (1, 1, 0.5)),
+        (BOX, BOX, NAN, (0, 1, 0)),  # stopped
+    ],
+)
+def test_who_is_alive_after_the_object_is_back(before, at_return, later, expected):
+    hidden = HiddenSequence.of(Sequence("s", Path("s"), np.array([BOX] * 20)), 3, 6)
+    said = [before] * 3 + [FAR] * 3 + [at_return] * AFTER + [later] * 4
+    track = Track(np.array(said, float), np.ones(20), np.full(20, 0.01))
+    found = reappearance([SequenceResult.of("t", hidden, track)])
+    assert (found.alive, found.alive_before, found.overlap_after) == pytest.approx(expected)
+
+
+def test_sequences_that_hide_nothing_say_nothing_of_who_is_alive():
+    assert math.isnan(reappearance([passed([BOX] * 3)]).alive)
+
+
+def test_the_hidden_protocol_runs_on_sequences_of_its_own():
+    protocol = find_protocol("hidden")
+    assert protocol.prepare is not None
+    made = protocol.prepare([Sequence("s", Path("s"), np.array([BOX] * 40), dataset="d")])
+    assert [s.dataset for s in made] == ["d-hidden-5", "d-hidden-10"]

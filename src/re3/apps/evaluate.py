@@ -85,7 +85,8 @@ def evaluate(
             "-p",
             help="How trackers are run and judged: ope, one pass, means over sequences; "
             "imagenet-vid, one pass, all boxes together (Re3, sec. IV-B); ablation, started again "
-            "after a drop (Re3, Table I); vot, supervised (accuracy, robustness, EAO).",
+            "after a drop (Re3, Table I); hidden, one pass with the object hidden for a while; "
+            "vot, supervised (accuracy, robustness, EAO).",
             metavar="|".join(PROTOCOLS),
         ),
     ] = "ope",
@@ -185,6 +186,8 @@ def evaluate(
                 "is started again. Take ope or imagenet-vid"
             )
         chosen = choose_sequences(read_sequences(data or [], format_name), sequences)
+        if chosen_protocol.prepare is not None:
+            chosen = chosen_protocol.prepare(chosen)
         trackers = [find_tracker(name, peers) for name in _asked(tracker or [], model)]
         if occluded and all(sequence.occluded is None for sequence in chosen):
             raise ValueError(

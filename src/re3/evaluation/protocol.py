@@ -11,6 +11,7 @@ from typing import Literal
 
 import numpy as np
 
+from re3.data.sequence import Sequence
 from re3.evaluation.sequence_result import SequenceResult
 from re3.evaluation.supervised import SupervisedConfig
 
@@ -60,6 +61,7 @@ class Protocol:
         pools_repeats: repetitions are given to `summarise` together, as more runs of the same;
             without, the figures are the mean of those of each repetition.
         trade_off: its accuracy and its robustness, as axes of a plot; None without such figures.
+        prepare: makes the sequences to run from those given; None where it is those.
     """
 
     name: str
@@ -72,6 +74,7 @@ class Protocol:
     pools_boxes: bool = False
     pools_repeats: bool = False
     trade_off: tuple[Axis, Axis] | None = None
+    prepare: Callable[[list[Sequence]], list[Sequence]] | None = None
 
     @property
     def one_pass(self) -> bool:

@@ -9,11 +9,13 @@ import math
 from dataclasses import asdict
 from functools import lru_cache, partial
 
+from re3.data.hiding import AFTER, DURATIONS, LEAD, hide
 from re3.data.sequence import Sequence
 from re3.evaluation.ablation import ABLATION, SENSITIVITY, ablation
 from re3.evaluation.imagenet_vid import pooled_success
 from re3.evaluation.metrics import Scores
 from re3.evaluation.protocol import Axis, Figures, Measure, Protocol
+from re3.evaluation.reappearance import ALIVE, reappearance
 from re3.evaluation.sequence_result import SequenceResult
 from re3.evaluation.supervised import SupervisedConfig
 from re3.evaluation.vot import STACKS, VotRuns, score_vot
@@ -25,7 +27,7 @@ def find_protocol(name: str, stack: str = DEFAULT_STACK) -> Protocol:
     """A protocol by name.
 
     Args:
-        name: `ope`, `imagenet-vid`, `ablation` or `vot`.
+        name: `ope`, `imagenet-vid`, `ablation`, `hidden` or `vot`.
         stack: of the VOT protocol, the challenge whose lengths its EAO averages over.
 
     Raises:
@@ -52,6 +54,10 @@ def _imagenet_vid_figures(results: list[SequenceResult]) -> Figures:
         "tracks": float(success.tracks),
         "boxes": float(success.boxes),
     }
+
+
+def _hidden_figures(results: list[SequenceResult]) -> Figures:
+    return {**asdict(reappearance(results)), "sequences": float(len(results))}
 
 
 def _ablation_figures(results: list[SequenceResult]) -> Figures:
@@ -191,6 +197,27 @@ _PROTOCOLS = {
                 Axis("accuracy", "accuracy: mean overlap of the counted frames"),
                 Axis("robustness", f"robustness: exp(-{SENSITIVITY:.0f} · drops / frames)"),
             ),
+        ),
+        Protocol(
+            name="hidden",
+            title="Hidden and back again",
+            conventions=(
+                f"One pass over clips in which the object is hidden, from {LEAD} frames after the "
+                f"start, for {', '.join(map(str, DURATIONS))} frames: a window about it shows "
+                "another part of the scene. Alive: share of tracks that overlap the object by "
+                f"{ALIVE:g} or more {AFTER} frames after it is back; before: in the frame before "
+                "it is hidden, which no tracker can better. Overlap: the mean from then to the end."
+            ),
+            supervised=None,
+            summarise=_hidden_figures,
+            measures=(
+                Measure("alive", "alive"),
+                Measure("alive_before", "before"),
+                Measure("overlap_after", "overlap"),
+                Measure("sequences", "clips", None, counts=True),
+            ),
+            by_sequence=("overlap_after", "alive"),
+            prepare=hide,
         ),
     )
 }
