@@ -26,7 +26,10 @@ def test_the_margin_is_transparent_on_all_sides():
 
 def test_shapes_change_smoothly_and_keep_their_size():
     image, alpha = disc()
-    bent = [look[1].astype(int) for look in bend(image, alpha, 30, 0.05, np.random.default_rng(1))]
+    bent = [
+        look[1].astype(int)
+        for look in bend(image, alpha, np.arange(30), 0.05, np.random.default_rng(1))
+    ]
     areas = np.array([(a > 127).sum() for a in bent]) / (alpha > 127).sum()
     assert ((areas > 0.6) & (areas < 1.6)).all()
     step = np.mean([np.abs(a - b).mean() for a, b in pairwise(bent)])
@@ -36,6 +39,6 @@ def test_shapes_change_smoothly_and_keep_their_size():
 
 def test_without_strength_nothing_bends():
     image, alpha = disc()
-    for bent_image, bent_alpha in bend(image, alpha, 3, 0.0, np.random.default_rng(0)):
+    for bent_image, bent_alpha in bend(image, alpha, np.arange(3), 0.0, np.random.default_rng(0)):
         np.testing.assert_array_equal(bent_image, image)
         np.testing.assert_array_equal(bent_alpha, alpha)

@@ -1,6 +1,7 @@
 """Decoded frames on disk, and clips drawn from tracks."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -30,7 +31,7 @@ def number(crop):
     return round((float(crop.mean()) - 20) / 7)
 
 
-PLAIN = SamplingConfig(mirrored=0.0, reversed=0.0, strides=(1,))
+PLAIN = SamplingConfig(mirrored=0.0, reversed=0.0, strides=(1,), leaps=0.0)
 
 
 def test_the_store_decodes_once_and_maps_afterwards(video, tmp_path):
@@ -62,16 +63,43 @@ def test_the_store_shrinks_large_frames(video, tmp_path):
 @pytest.mark.parametrize("seed", range(5))
 def test_boxes_belong_to_their_frames(video, tmp_path, seed):
     sampler = ClipSampler([track(video)], [], FrameStore(tmp_path / "store"), PLAIN)
-    recorded = sampler._recorded(6, np.random.default_rng(seed))
+    recorded = sampler._recorded(6, False, np.random.default_rng(seed))
     for t in range(6):
         shown = number(recorded.crop(t, (0, 0, 96, 64), 64))
         np.testing.assert_allclose(recorded.boxes_xyxy[t], (10 + shown, 20, 40 + shown, 40))
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_a_clip_that_leaps_starts_long_before_or_after_its_other_frames(video, tmp_path, seed):
+    config = replace(PLAIN, leaps=1.0, leap_frames=(10, 15))
+    sampler = ClipSampler([track(video)], [], FrameStore(tmp_path / "store"), config)
+    clip = sampler._recorded(4, True, np.random.default_rng(seed))
+    assert clip.leaps
+    shown = [number(clip.crop(t, (0, 0, 96, 64), 64)) for t in range(4)]
+    assert np.diff(shown[1:]).tolist() == [1, 1]
+    leap = abs(shown[1] - shown[0])
+    assert 10 <= leap <= 15 or shown[0] in (0, 29)  # cut short by the end of the track
+    for t in range(4):
+        np.testing.assert_allclose(clip.boxes_xyxy[t], (10 + shown[t], 20, 40 + shown[t], 40))
+
+
+def test_a_clip_leaps_only_where_the_object_is_seen_on_both_sides(video, tmp_path):
+    boxes = np.array(track(video).boxes_xywh)
+    boxes[::2] = np.nan
+    config = replace(PLAIN, leaps=0.5)
+    sparse = track(video, boxes_xywh=boxes)
+    sampler = ClipSampler([sparse], [], FrameStore(tmp_path / "store"), config)
+    clips = [sampler.sample(4, np.random.default_rng(seed)) for seed in range(40)]
+    leaping = [clip for clip in clips if clip.leaps]
+    assert 8 <= len(leaping) <= 32
+    assert not any(np.isnan(clip.boxes_xyxy[0]).any() for clip in clips)
+    assert not any(np.isnan(clip.boxes_xyxy[1]).any() for clip in leaping)
+
+
 def test_a_late_track_reads_its_own_frames(video, tmp_path):
     late = track(video, frames=10, start_frame=15)
     sampler = ClipSampler([late], [], FrameStore(tmp_path / "store"), PLAIN)
-    recorded = sampler._recorded(10, np.random.default_rng(0))
+    recorded = sampler._recorded(10, False, np.random.default_rng(0))
     shown = [number(recorded.crop(t, (0, 0, 96, 64), 64)) for t in range(10)]
     assert shown == list(range(15, 25))
 

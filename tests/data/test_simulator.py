@@ -174,3 +174,20 @@ def test_the_look_of_a_frame_does_not_change_between_looks():
     region = search_region(clip.boxes_xyxy[0], 2.0)
     np.testing.assert_array_equal(seen.crop(1, region, 32), seen.crop(1, region, 32))
     assert not np.array_equal(seen.crop(1, region, 32), clip.crop(1, region, 32))
+
+
+def test_a_leap_moves_and_changes_the_object_more_than_a_frame_does(stills):
+    def change(leap):
+        boxes = [
+            simulate(stills, 3, np.random.default_rng(seed), leap=leap).boxes_xyxy[:2]
+            for seed in range(20)
+        ]
+        sizes = [np.log(pair[:, 2:] - pair[:, :2]) for pair in boxes]
+        return np.nanmean([np.abs(size[1] - size[0]).mean() for size in sizes])
+
+    assert change(40) > 3 * change(1)
+
+
+def test_a_scene_says_whether_it_leaps(stills):
+    assert simulate(stills, 3, np.random.default_rng(0), leap=5).leaps
+    assert not simulate(stills, 3, np.random.default_rng(0)).leaps

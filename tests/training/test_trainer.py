@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 
+from re3.data.clip import RecordedClip
 from re3.geometry import decode, search_region
 from re3.network.re3_lite import LiteConfig, Re3Lite
 from re3.training.features import FrozenTrunk
@@ -56,6 +57,37 @@ def test_crops_at_the_truth_have_the_motion_as_target(sampler, trunk):
             region = search_region(clip.boxes_xyxy[max(t - 1, 0)], TINY.current.context)
             found = decode(targets[t, n], region)
             np.testing.assert_allclose(found, clip.boxes_xyxy[t], atol=1e-3)
+
+
+def test_after_a_leap_the_crop_is_cut_at_the_truth(trunk):
+    image = np.random.default_rng(0).integers(0, 256, (80, 200, 3), dtype=np.uint8)
+    boxes = np.array([(10, 10, 34, 30), (150, 40, 174, 60), (152, 40, 176, 60)], float)
+    clip = RecordedClip([image] * 3, boxes, (127.0,) * 3, leaps=True)
+    with ThreadPoolExecutor(1) as pool:
+        rollout = roll_out(
+            [clip],
+            np.array([False]),
+            tiny_network().head,
+            trunk,
+            QUIET,
+            np.random.default_rng(0),
+            pool,
+        )
+    still = np.array([10 / 3, 10 / 3, 20 / 3, 20 / 3])
+    np.testing.assert_allclose(rollout.targets[1], still, atol=1e-5)  # not where it was before
+    assert rollout.has_box.all()
+    # What is known of the first frame is about the box given there.
+    np.testing.assert_allclose(rollout.looked[1], still, atol=1e-5)
+
+
+def test_a_lost_track_may_stay_lost(sampler, trunk):
+    network = tiny_network()
+    with torch.no_grad():
+        network.head.residual.bias.copy_(torch.tensor([9.0, 9.0, 12.0, 12.0]))
+    stay = replace(QUIET, stay_lost=1.0)
+    _, rollout = roll(sampler, [True, True], trunk, network, noise=stay)
+    assert rollout.put_back == 0
+    assert not rollout.has_box.reshape(4, 2)[3].any()
 
 
 def test_own_predictions_move_the_crops(sampler, trunk):

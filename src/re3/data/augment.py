@@ -19,6 +19,8 @@ class PhotometricConfig:
         gain, offset: standard deviation of log contrast and of brightness (0..255).
         tint: standard deviation of the log gain of each colour channel.
         waver: share of those deviations that changes from frame to frame.
+        weather: standard deviation of log contrast by which the first frame of a clip that leaps
+            differs from the others.
         grey: probability of a clip without colour.
         blur: probability of a soft clip.
         motion_blur: probability per frame of a blur in a random direction.
@@ -30,6 +32,7 @@ class PhotometricConfig:
     offset: float = 12.0
     tint: float = 0.06
     waver: float = 0.15
+    weather: float = 0.15
     grey: float = 0.08
     blur: float = 0.15
     motion_blur: float = 0.08
@@ -54,9 +57,10 @@ class AugmentedClip:
         self.clip = clip
         self.boxes_xyxy = clip.boxes_xyxy
         self.visible = clip.visible
+        self.leaps = clip.leaps
         frames = len(clip.boxes_xyxy)
         self._seed = int(rng.integers(2**31))
-        self._tables = _look_up_tables(frames, rng, config)
+        self._tables = _look_up_tables(frames, rng, config, clip.leaps)
         self._grey = rng.random() < config.grey
         self._blur = rng.uniform(0.4, 1.6) if rng.random() < config.blur else 0.0
         self._noise = rng.uniform(2.0, 10.0) if rng.random() < config.noise else 0.0
@@ -85,12 +89,15 @@ class AugmentedClip:
 
 
 def _look_up_tables(
-    frames: int, rng: np.random.Generator, config: PhotometricConfig
+    frames: int, rng: np.random.Generator, config: PhotometricConfig, leaps: bool
 ) -> NDArray[np.uint8]:
     """Tables `[frames, 1, 256, 3]` of contrast, brightness and tint about middle grey."""
     spread = 1.0 + config.waver * rng.normal(size=(frames, 1))
-    gain = np.exp(config.gain * rng.normal() * spread + config.tint * rng.normal(size=3))
+    gain = np.exp(config.gain * rng.normal() * spread + config.tint * rng.normal(size=3))  # [T, 3]
     offset = config.offset * rng.normal() * spread
+    if leaps:
+        gain[0] *= np.exp(config.weather * rng.normal())
+        offset[0] += config.offset * rng.normal()
     levels = np.arange(256.0)[None, :, None]
     values = (levels - 127.0) * gain[:, None, :] + 127.0 + offset[:, None, :]
     return np.clip(values, 0, 255).astype(np.uint8)[:, None]

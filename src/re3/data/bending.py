@@ -38,7 +38,7 @@ def with_margin(
 def bend(
     image: NDArray[np.uint8],
     alpha: NDArray[np.uint8],
-    frames: int,
+    times: NDArray[np.int64],
     strength: float,
     rng: np.random.Generator,
 ) -> list[tuple[NDArray[np.uint8], NDArray[np.uint8]]]:
@@ -47,7 +47,7 @@ def bend(
     Args:
         image: uint8 `[h, w, 3]`.
         alpha: uint8 `[h, w]`, transparent at its borders (see `with_margin`).
-        frames: number of frames.
+        times: `[T]`, when each frame is taken, in frames.
         strength: mean amplitude of a mode as a share of the sides.
         rng: source of modes and swings.
     """
@@ -57,9 +57,7 @@ def bend(
     amplitudes = np.minimum(rng.exponential(strength, MODES), STRONGEST)
     periods = np.exp(rng.uniform(np.log(8.0), np.log(80.0), MODES))
     phases = rng.uniform(0.0, 2 * np.pi, MODES)
-    swings = amplitudes * np.sin(
-        2 * np.pi * np.arange(frames)[:, None] / periods + phases
-    )  # [T, modes]
+    swings = amplitudes * np.sin(2 * np.pi * times[:, None] / periods + phases)  # [T, modes]
     columns, rows = np.meshgrid(
         np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32)
     )

@@ -20,10 +20,13 @@ class Clip(Protocol):
     Attributes:
         boxes_xyxy: float64 `[T, 4]` in pixels of the clip; NaN where the object is absent.
         visible: float64 `[T]` in 0..1, share of the object that nothing hides, where it is known.
+        leaps: the second frame was taken long before or after the first, so that the object looks
+            different and may be anywhere; the others follow each other.
     """
 
     boxes_xyxy: Floats
     visible: Floats
+    leaps: bool
 
     def crop(self, frame: int, region_xyxy: ArrayLike, size: int) -> NDArray[np.uint8]:
         """Cut a region of a frame out, warped to uint8 `[size, size, 3]` BGR."""
@@ -37,6 +40,7 @@ class RecordedClip:
         frames: uint8 `[T, H, W, 3]` BGR, or a list of images.
         boxes_xyxy: `[T, 4]` in pixels, NaN where absent.
         fill: BGR colour outside the frame.
+        leaps: see `Clip`.
     """
 
     def __init__(
@@ -44,7 +48,9 @@ class RecordedClip:
         frames: NDArray[np.uint8] | list[NDArray[np.uint8]],
         boxes_xyxy: ArrayLike,
         fill: tuple[float, float, float],
+        leaps: bool = False,
     ) -> None:
+        self.leaps = leaps
         self.frames = frames
         self.boxes_xyxy = np.asarray(boxes_xyxy, dtype=np.float64)
         self.visible = np.where(np.isnan(self.boxes_xyxy[:, 0]), 0.0, 1.0)
@@ -61,6 +67,7 @@ class MirroredClip:
         self.clip = clip
         self.boxes_xyxy = _mirror(clip.boxes_xyxy)
         self.visible = clip.visible
+        self.leaps = clip.leaps
 
     def crop(self, frame: int, region_xyxy: ArrayLike, size: int) -> NDArray[np.uint8]:
         mirrored = _mirror(np.asarray(region_xyxy, dtype=np.float64))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import count
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from re3.data.simulator import SimulationConfig, simulate
 from re3.data.stills import Still
 from re3.geometry import convert
 
+TRIES = 20
+"""Draws of a clip that leaps, before one that does not is taken instead."""
+
 
 @dataclass(frozen=True)
 class SamplingConfig:
@@ -23,6 +27,10 @@ class SamplingConfig:
         simulated: share of simulated clips, where there are both stills and tracks.
         mirrored: probability that a whole clip is mirrored (Re3, sec. III-C).
         reversed: probability that a recorded clip runs backwards.
+        leaps: probability of a clip whose first frame was taken long before or after the others:
+            objects are followed for much longer than a clip is, and look different by then.
+        leap_frames, leap_simulated: range, log-uniform, of that time in frames, of recorded and
+            of simulated clips.
         strides: steps between the frames of a recorded clip; one is drawn per clip.
         smallest: tracks whose box has a median side below this many pixels are left out.
         fill: BGR colour outside the frame.
@@ -31,6 +39,9 @@ class SamplingConfig:
     simulated: float = 0.6
     mirrored: float = 0.5
     reversed: float = 0.5
+    leaps: float = 0.6
+    leap_frames: tuple[int, int] = (5, 250)
+    leap_simulated: tuple[int, int] = (5, 60)
     strides: tuple[int, ...] = (1, 1, 1, 1, 2, 2, 3, 4, 6)
     smallest: float = 5.0
     fill: tuple[float, float, float] = (127.0, 127.0, 127.0)
@@ -80,18 +91,21 @@ class ClipSampler:
         config = self.config
         share = config.simulated if self.sequences and self.stills else float(bool(self.stills))
         clip: Clip
-        while True:
+        leaps = frames > 1 and rng.random() < config.leaps
+        for attempt in count():
+            leaps &= attempt < TRIES  # a track of a few frames has none to leap between
             if rng.random() < share:
-                clip = simulate(self.stills, frames, rng, config.simulation)
+                leap = _log_uniform(config.leap_simulated, rng) if leaps else 1
+                clip = simulate(self.stills, frames, rng, config.simulation, leap)
             else:
-                clip = self._recorded(frames, rng)
-            if not np.isnan(clip.boxes_xyxy[0, 0]):
+                clip = self._recorded(frames, leaps, rng)
+            if not np.isnan(clip.boxes_xyxy[: 1 + clip.leaps, 0]).any():
                 break
         if rng.random() < config.mirrored:
             clip = MirroredClip(clip)
         return AugmentedClip(clip, rng, config.photometric)
 
-    def _recorded(self, frames: int, rng: np.random.Generator) -> RecordedClip:
+    def _recorded(self, frames: int, leaps: bool, rng: np.random.Generator) -> RecordedClip:
         sequence = self.sequences[int(rng.choice(len(self.sequences), p=self._weights))]
         stride = int(rng.choice(self.config.strides))
         span = (frames - 1) * stride
@@ -103,10 +117,18 @@ class ClipSampler:
         indices = np.minimum(first + stride * np.arange(frames), len(sequence) - 1)
         if rng.random() < self.config.reversed:
             indices = indices[::-1]
+        if leaps:
+            leap = _log_uniform(self.config.leap_frames, rng) * int(rng.choice([-1, 1]))
+            indices = indices.copy()
+            indices[0] = np.clip(indices[1] - leap, 0, len(sequence) - 1)
         video, scale = self.store.frames(sequence.source)
         boxes = convert(sequence.boxes_xywh[indices] * scale, "xywh", "xyxy")
         images = [video[min(sequence.start_frame + i, len(video) - 1)] for i in indices]
-        return RecordedClip(images, boxes, self.config.fill)
+        return RecordedClip(images, boxes, self.config.fill, leaps)
+
+
+def _log_uniform(limits: tuple[int, int], rng: np.random.Generator) -> int:
+    return round(float(np.exp(rng.uniform(*np.log(limits)))))
 
 
 def _weights(sequences: list[Sequence]) -> np.ndarray:

@@ -72,6 +72,7 @@ class Scene:
         layers: from back to front, the background first.
         target: index of the object's layer.
         fill: BGR colour outside the scene.
+        leaps: see `re3.data.clip.Clip`.
     """
 
     def __init__(
@@ -80,8 +81,10 @@ class Scene:
         layers: list[Layer],
         target: int,
         fill: tuple[float, float, float],
+        leaps: bool = False,
     ) -> None:
         self.size = size
+        self.leaps = leaps
         self.layers = layers
         self.target = target
         self.fill = fill

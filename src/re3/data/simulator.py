@@ -67,6 +67,7 @@ def simulate(
     frames: int,
     rng: np.random.Generator,
     config: SimulationConfig | None = None,
+    leap: int = 1,
 ) -> Scene:
     """Draw a scene of so many frames.
 
@@ -75,15 +76,24 @@ def simulate(
         frames: length of the clip, 1 or more.
         rng: source of all chance.
         config: what scenes are drawn.
+        leap: frames from the first to the second; all others follow each other.
     """
-    return _SceneBuilder(stills, frames, rng, config or SimulationConfig()).build()
+    times = np.arange(frames)
+    times[1:] += leap - 1
+    return _SceneBuilder(stills, times, rng, config or SimulationConfig()).build()
 
 
 class _SceneBuilder:
     def __init__(
-        self, stills: list[Still], frames: int, rng: np.random.Generator, config: SimulationConfig
+        self,
+        stills: list[Still],
+        times: NDArray[np.int64],
+        rng: np.random.Generator,
+        config: SimulationConfig,
     ) -> None:
-        self.stills, self.frames, self.rng, self.config = stills, frames, rng, config
+        self.stills, self.times, self.rng, self.config = stills, times, rng, config
+        self.frames = len(times)
+        self.elapsed = np.diff(times, prepend=times[0] - 1).astype(np.float64)
 
     def build(self) -> Scene:
         rng, config = self.rng, self.config
@@ -118,7 +128,12 @@ class _SceneBuilder:
         mean = config.occluders * (1.0 if self.frames > 8 else 0.5)
         for _ in range(min(int(rng.poisson(mean)), 3)):
             layers.append(self._occluder(picture, centres))
-        return Scene(self.scene, layers, position, config.fill)
+        return Scene(self.scene, layers, position, config.fill, leaps=self.elapsed.max() > 1)
+
+    def _walk(self, step: float, *more: int) -> Floats:
+        """A random walk `[T, *more]` with that standard deviation a frame."""
+        draws = self.rng.normal(0.0, step, (self.frames, *more))
+        return np.cumsum(draws.T * np.sqrt(self.elapsed), axis=-1).T
 
     def _pick(self) -> Still:
         return self.stills[int(self.rng.integers(len(self.stills)))]
@@ -154,15 +169,15 @@ class _SceneBuilder:
         margin = np.minimum(0.75 * self.unit / limit, 0.45)
         position = rng.uniform(margin, 1.0 - margin) * limit
         velocity = rng.normal(0.0, step, 2)
-        centres = np.empty((self.frames, 2))
-        for t in range(self.frames):
+        centres = np.empty((self.times[-1] + 1, 2))
+        for t in range(len(centres)):
             centres[t] = position
             velocity = 0.95 * velocity + rng.normal(0.0, self.config.turning * step, 2)
             position = position + velocity
             outside = (position < 0) | (position > limit)
             velocity[outside] *= -1.0
             position = np.clip(position, 0, limit)
-        return centres
+        return centres[self.times]
 
     def _layer(
         self,
@@ -175,10 +190,10 @@ class _SceneBuilder:
         """A cut-out on the path of its centre; scale, aspect ratio and angle wander."""
         rng, config = self.rng, self.config
         activity = rng.exponential(1.0)
-        log_scale = np.cumsum(rng.normal(0.0, config.scaling * activity, self.frames))
-        log_aspect = np.cumsum(rng.normal(0.0, config.stretching * activity, self.frames))
+        log_scale = self._walk(config.scaling * activity)
+        log_aspect = self._walk(config.stretching * activity)
         log_scale, log_aspect = np.clip(log_scale, -1.2, 1.2), np.clip(log_aspect, -0.7, 0.7)
-        angle = np.cumsum(rng.normal(0.0, config.spinning * activity, self.frames)) * masked
+        angle = self._walk(config.spinning * activity) * masked
 
         bent = masked and rng.random() < config.bent
         if bent:
@@ -186,7 +201,7 @@ class _SceneBuilder:
         image, alpha = _resized(patch, alpha, scale * self.resolution)
         if bent:
             strength = config.bending * activity
-            looks = [Look.cut_out(*o) for o in bend(image, alpha, self.frames, strength, rng)]
+            looks = [Look.cut_out(*o) for o in bend(image, alpha, self.times, strength, rng)]
         else:
             looks = [Look.cut_out(image, alpha)]
         size = np.array(image.shape[1::-1], dtype=np.float64)
@@ -203,12 +218,11 @@ class _SceneBuilder:
     def _backdrop_layer(self, picture: NDArray[np.uint8], zoom: float, margin: Floats) -> Layer:
         rng = self.rng
         step = self._speed(self.config.camera) * self.unit
-        velocity = np.cumsum(rng.normal(0.0, 0.3 * step, (self.frames, 2)), axis=0)
-        velocity += rng.normal(0.0, step, 2)
-        offset = -margin + np.cumsum(velocity, axis=0) - velocity[0]
+        velocity = self._walk(0.3 * step, 2) + rng.normal(0.0, step, 2)
+        offset = -margin + np.cumsum(velocity * self.elapsed[:, None], axis=0) - velocity[0]
         image, _ = _resized(picture, None, min(zoom * self.resolution, 1.5))
         base = zoom * np.array(picture.shape[1::-1]) / np.array(image.shape[1::-1])
-        growth = np.exp(np.cumsum(rng.normal(0.0, 0.004, self.frames)))
+        growth = np.exp(self._walk(0.004))
         paths = np.zeros((self.frames, 2, 3))
         paths[:, 0, 0], paths[:, 1, 1] = base[0] * growth, base[1] * growth
         paths[:, :, 2] = offset
@@ -226,7 +240,7 @@ class _SceneBuilder:
         rng = self.rng
         angle, distance = rng.uniform(0, 2 * np.pi), rng.uniform(0.8, 2.5) * self.unit
         beside = centres[0] + distance * np.array([np.cos(angle), np.sin(angle)])
-        drift = np.cumsum(rng.normal(0.0, 0.03 * self.unit, (self.frames, 2)), axis=0)
+        drift = self._walk(0.03 * self.unit, 2)
         follows = rng.uniform(0.0, 1.0)
         path = beside + follows * (centres - centres[0]) + drift
         scale = self.unit * np.exp(rng.normal(0.0, 0.2)) / own_size
@@ -246,7 +260,7 @@ class _SceneBuilder:
         angle = rng.uniform(0, 2 * np.pi)
         speed = self._speed((0.02, 0.4)) * self.unit
         velocity = speed * np.array([np.cos(angle), np.sin(angle)])
-        times = np.arange(self.frames)[:, None] - meeting
+        times = (self.times - self.times[meeting])[:, None]
         return self._layer(patch, alpha, size / own_size, aim + times * velocity, False)
 
     def _random_patch(

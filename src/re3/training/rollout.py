@@ -99,6 +99,7 @@ def roll_out(
     config = head.config
     truth = np.stack([clip.boxes_xyxy for clip in clips])  # [N, T, 4]
     visible = np.stack([clip.visible for clip in clips])  # [N, T]
+    leaps = np.array([clip.leaps for clip in clips])  # [N]
     objects, steps = truth.shape[:2]
     boxes = truth[:, 0].copy()
     stays = rng.random(objects) < noise.stay_lost
@@ -109,8 +110,13 @@ def roll_out(
     embedding: Tensor | None = None
     regions = geometry.search_region(boxes, config.current.context)
     for t in range(steps):
-        about, new_regions = _regions(boxes, own, t, noise, rng, config.current)
-        looked.append(geometry.encode(about, regions) if t else np.zeros((objects, 4)))
+        # After a leap the object may be anywhere: the crop is cut at the truth of its own frame.
+        leapt = leaps & (t == 1)
+        start = np.where(leapt[:, None], truth[:, t], boxes)
+        about, new_regions = _regions(start, own & ~leapt, t, noise, rng, config.current)
+        # What is known of the frame before is still about the box found there.
+        known = np.where(leapt[:, None], boxes, about)
+        looked.append(geometry.encode(known, regions) if t else np.zeros((objects, 4)))
         regions = new_regions
         maps.append(trunk(_crops(clips, t, regions, config.current.size, pool)))
 
