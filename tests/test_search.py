@@ -20,7 +20,7 @@ def offsets(lost_for, box=BOX, frame=FRAME):
 def test_the_nearest_places_come_first():
     first = offsets(1)
     assert first[0] == [0, 0]
-    assert sorted(first[1:] + offsets(2)[:1]) == [[-1, 0], [0, -1], [0, 1], [1, 0]]
+    assert sorted(first[1:5]) == [[-1, 0], [0, -1], [0, 1], [1, 0]]
 
 
 @pytest.mark.parametrize("ring", range(1, RINGS + 1))

@@ -182,9 +182,10 @@ def test_only_lost_objects_cost_more_crops():
     tracker.add(noise(), BOX)
     tracker.update(noise())
     engine.score = LOST_BELOW - 0.1
-    tracker.update(noise())
-    tracker.update(noise())
-    assert [len(current) for _, current, _ in engine.calls] == [1, 1, 1, 1 + PLACES]
+    tracker.update(noise(300, 400))
+    tracker.update(noise(300, 400))
+    crops = [len(current) for _, current, _ in engine.calls]
+    assert crops == [1, 1, 1, PLACES, 1, PLACES]
 
 
 def test_a_search_in_vain_leaves_the_track_as_it_was():

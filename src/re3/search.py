@@ -1,7 +1,7 @@
 """Where to look for an object that is lost: crops about the last place it was seen at for sure.
 
-The crop of a step reaches one box beyond the object on every side. An object that reappears further
-off is found by looking at a few more places in each frame, nearest first, in the same network call.
+The crop of a step reaches one box beyond the object on every side. An object that moves further, or
+reappears further off, is found by looking at a few more places in each frame, nearest first.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import numpy as np
 from re3 import geometry
 from re3.geometry import Floats
 
-PLACES = 4
+PLACES = 6
 """More crops a frame for each lost object."""
 
 SPACING = 1.5
@@ -32,7 +32,7 @@ def places(trusted_xyxy: Floats, lost_for: int, width: int, height: int) -> Floa
 
     Args:
         trusted_xyxy: `[4]`, the box last found for sure, in pixels.
-        lost_for: frames since the object was lost, 1 or more.
+        lost_for: frames that the object has been lost for, this one included.
         width, height: of the frame in pixels.
 
     Returns:

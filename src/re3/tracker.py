@@ -61,10 +61,20 @@ class _Track:
 
 
 class _Look(NamedTuple):
-    """A crop to take: where, and with which memory."""
+    """A crop to take: for which object, where, and with which memory."""
 
+    track: _Track
     box_xyxy: Floats
     state: State
+
+
+class _Sight(NamedTuple):
+    """What came of a look."""
+
+    box_xyxy: Floats
+    score: float
+    state: State
+    by_search: bool = False
 
 
 class MultiTracker:
@@ -154,52 +164,50 @@ class MultiTracker:
         image = as_bgr(frame)
         if not self._tracks:
             return {}
-        height, width = image.shape[:2]
-        looks = {i: self._looks(track, width, height) for i, track in self._tracks.items()}
-        found, score, states = self._find(image, looks)
-        row = 0
-        for identity, track in self._tracks.items():
-            own = slice(row, row + len(looks[identity]))
-            best = own.start + self._choice(score[own])
-            if best > own.start:
-                track.steps = 0  # taken back with the memory of the first frame
-            state = {name: values[best] for name, values in states.items()}
-            self._advance(track, image, found[best], float(score[best]), state)
-            row = own.stop
+        tracks = list(self._tracks.values())
+        seen = self._look(image, [_Look(t, t.box_xyxy, t.state) for t in tracks])
+        if self._search:
+            seen = self._search_for_lost(image, tracks, seen)
+        for track, sight in zip(tracks, seen, strict=True):
+            self._advance(track, image, sight)
         return self.results
 
-    def _looks(self, track: _Track, width: int, height: int) -> list[_Look]:
-        """The crop about the box last found; for a lost object others after it."""
-        looks = [_Look(track.box_xyxy, track.state)]
-        if self._search and track.lost_for:
-            boxes = places(track.trusted_xyxy, track.lost_for, width, height)
-            looks += [_Look(box, track.first_state) for box in boxes]
-        return looks
-
-    def _find(
-        self, image: NDArray[np.uint8], looks: Mapping[int, list[_Look]]
-    ) -> tuple[Floats, NDArray[np.float32], State]:
-        """All crops of a frame in one network call: boxes_xyxy, scores and states of each."""
+    def _look(self, image: NDArray[np.uint8], looks: list[_Look]) -> list[_Sight]:
+        """What each look finds; all in one network call."""
         spec = self._engine.spec
-        every = [look for own in looks.values() for look in own]
-        boxes = np.stack([look.box_xyxy for look in every])
+        boxes = np.stack([look.box_xyxy for look in looks])
         regions = geometry.snap(geometry.search_region(boxes, spec.current.context))
         output = self._engine.step(
-            _stacked([self._tracks[i].previous_crop for i, own in looks.items() for _ in own]),
+            _stacked([look.track.previous_crop for look in looks]),
             np.stack([geometry.crop(image, r, spec.current.size, spec.fill) for r in regions]),
-            {name: np.stack([look.state[name] for look in every]) for name in spec.state},
+            {name: np.stack([look.state[name] for look in looks]) for name in spec.state},
         )
         height, width = image.shape[:2]
         found = geometry.decode(output.corners, regions)
         # A network gone astray must not poison the crops to come: keep the box it had.
         found = np.where(np.isfinite(found).all(axis=1, keepdims=True), found, boxes)
-        return geometry.clip_inside(found, width, height), output.score, output.state
+        found = geometry.clip_inside(found, width, height)
+        return [
+            _Sight(found[i], float(output.score[i]), {n: v[i] for n, v in output.state.items()})
+            for i in range(len(looks))
+        ]
 
-    @staticmethod
-    def _choice(scores: NDArray[np.float32]) -> int:
-        """Which of an object's crops to believe: the first unless another is sure."""
-        best = int(np.argmax(scores))
-        return best if scores[best] >= FOUND_FROM else 0
+    def _search_for_lost(
+        self, image: NDArray[np.uint8], tracks: list[_Track], seen: list[_Sight]
+    ) -> list[_Sight]:
+        """Sights of the tracks, those of lost ones replaced where a search is sure of another."""
+        height, width = image.shape[:2]
+        looks, whose = [], []
+        for index, (track, sight) in enumerate(zip(tracks, seen, strict=True)):
+            if status_of(sight.score) is Status.LOST:
+                boxes = places(track.trusted_xyxy, track.lost_for + 1, width, height)
+                looks += [_Look(track, box, track.first_state) for box in boxes]
+                whose += [index] * len(boxes)
+        best = list(seen)
+        for index, sight in zip(whose, self._look(image, looks) if looks else (), strict=True):
+            if sight.score >= max(FOUND_FROM, best[index].score):
+                best[index] = sight._replace(by_search=True)
+        return best
 
     def save_state(self) -> dict[str, NDArray]:
         """Everything remembered, as plain arrays (for `numpy.savez`, say)."""
@@ -296,29 +304,23 @@ class MultiTracker:
         state = {name: values[0] for name, values in output.state.items()}
         return _Track(box, previous, state, state, 0, result, trusted_xyxy=box)
 
-    def _advance(
-        self,
-        track: _Track,
-        image: NDArray[np.uint8],
-        box_xyxy: Floats,
-        score: float,
-        state: State,
-    ) -> None:
+    def _advance(self, track: _Track, image: NDArray[np.uint8], sight: _Sight) -> None:
         spec = self._engine.spec
-        track.steps += 1
-        track.state = state
+        # An object taken back is seen with the memory of the first frame.
+        track.steps = 1 if sight.by_search else track.steps + 1
+        track.state = sight.state
         if spec.reset_interval and track.steps >= spec.reset_interval:
-            kept = {name: state[name] for name in spec.kept_at_reset}
+            kept = {name: sight.state[name] for name in spec.kept_at_reset}
             track.state, track.steps = {**track.first_state, **kept}, 0
-        track.box_xyxy = box_xyxy
-        status = status_of(score)
+        track.box_xyxy = sight.box_xyxy
+        status = status_of(sight.score)
         track.lost_for = track.lost_for + 1 if status is Status.LOST else 0
         if status is Status.TRACKED:
-            track.trusted_xyxy = box_xyxy
-        track.previous_crop = self._crop_previous(image, box_xyxy)
+            track.trusted_xyxy = sight.box_xyxy
+        track.previous_crop = self._crop_previous(image, sight.box_xyxy)
         track.result = Result(
-            box_xywh=_as_tuple(geometry.convert(box_xyxy, "xyxy", "xywh")),
-            score=score,
+            box_xywh=_as_tuple(geometry.convert(sight.box_xyxy, "xyxy", "xywh")),
+            score=sight.score,
             status=status,
             frame_index=track.result.frame_index + 1,
             object_id=track.result.object_id,
