@@ -13,6 +13,7 @@ from re3 import geometry
 from re3.engine import Engine, State, load_engine, zero_state
 from re3.frames import as_bgr
 from re3.geometry import Floats
+from re3.model_spec import CropSpec
 from re3.result import Result, Status
 from re3.search import places
 
@@ -179,7 +180,7 @@ class MultiTracker:
         regions = geometry.snap(geometry.search_region(boxes, spec.current.context))
         output = self._engine.step(
             _stacked([look.track.previous_crop for look in looks]),
-            np.stack([geometry.crop(image, r, spec.current.size, spec.fill) for r in regions]),
+            np.stack([self._cut(image, region, spec.current) for region in regions]),
             {name: np.stack([look.state[name] for look in looks]) for name in spec.state},
         )
         height, width = image.shape[:2]
@@ -298,7 +299,7 @@ class MultiTracker:
         box = geometry.convert(box_xywh, "xywh", "xyxy")
         previous = self._crop_previous(image, box)
         region = geometry.snap(geometry.search_region(box, spec.current.context))
-        current = geometry.crop(image, region, spec.current.size, spec.fill)
+        current = self._cut(image, region, spec.current)
         # The box it finds is discarded in favour of the one given.
         output = self._engine.step(_stacked([previous]), current[None], zero_state(spec, 1))
         state = {name: values[0] for name, values in output.state.items()}
@@ -334,7 +335,13 @@ class MultiTracker:
         if spec.previous is None:
             return None
         region = geometry.snap(geometry.search_region(box_xyxy, spec.previous.context))
-        return geometry.crop(image, region, spec.previous.size, spec.fill)
+        return self._cut(image, region, spec.previous)
+
+    def _cut(
+        self, image: NDArray[np.uint8], region_xyxy: Floats, view: CropSpec
+    ) -> NDArray[np.uint8]:
+        """Every crop is cut here, where `re3.timed_tracker` puts its clock."""
+        return geometry.crop(image, region_xyxy, view.size, self._engine.spec.fill)
 
 
 class Tracker:

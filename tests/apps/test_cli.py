@@ -80,6 +80,8 @@ def test_track_writes_video_and_results(tmp_path):
     result = run("track", CLIP, "--box", BOX, "--max-frames", 12, "--out", out, "--results", boxes)
     assert result.exit_code == 0, result.output
     assert "tracking: " in result.output
+    split = r"ms a frame without decoding and encoding: crops [\d.]+, network [\d.]+, rest [\d.]+\)"
+    assert re.search(split, " ".join(result.output.split()))
     assert "12 frames" in result.output
     table = rows(boxes.read_text())
     assert [int(row["frame"]) for row in table] == list(range(12))

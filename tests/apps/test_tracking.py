@@ -9,6 +9,7 @@ import pytest
 
 from re3.apps.tracking import track_video
 from re3.result import Result, Status
+from re3.timed_tracker import TimeSpent
 from re3.video import Frame, SourceError, VideoSource, VideoWriter, open_results, open_source
 
 BOX = (4.0, 5.0, 20.0, 10.0)
@@ -84,6 +85,16 @@ def test_every_frame_and_object_reaches_the_writers(tmp_path):
     assert rows[2]["timestamp"] == pytest.approx(31 / 25)
     with open_source(tmp_path / "v.mp4") as source:
         assert len(list(source)) == 6
+
+
+def test_times_of_crops_and_network_add_up_where_the_tracker_tells():
+    class Tells(FirstBox):
+        time_spent = TimeSpent(0.5, 2.0)
+
+    outcome = track_video(Made(5), Tells(), {"dog": BOX})
+    assert (outcome.crop_seconds, outcome.network_seconds) == (4 * 0.5, 4 * 2.0)
+    outcome = track_video(Made(5), FirstBox(), {"dog": BOX})
+    assert np.isnan([outcome.crop_seconds, outcome.network_seconds]).all()
 
 
 def test_it_stops_after_as_many_frames_as_asked_for():

@@ -15,6 +15,7 @@ from re3.evaluation.report_tables import (
     occlusion_tables,
     sequence_tables,
     summary_table,
+    time_tables,
 )
 from re3.evaluation.summary import Run, notes
 
@@ -37,13 +38,15 @@ def show_run(run: Run, *, occluded: bool = False) -> None:
 
 
 def console_tables(run: Run, *, occluded: bool = False) -> list[Table]:
-    """Of each dataset its figures and, of several sequences, the first of them by sequence."""
+    """Of each dataset its figures, where the time goes and, of several sequences, the first figure
+    by sequence."""
     tables = []
     for dataset in run.datasets:
         tables.append(_rich(summary_table(run, dataset)))
+        tables += [_rich(table, _titled(dataset, table)) for table in time_tables(run, dataset)]
         by_sequence = sequence_tables(run, dataset)[0]
         if len(by_sequence.rows) > 1:
-            tables.append(_rich(by_sequence, f"{dataset or 'sequences'}: {by_sequence.title}"))
+            tables.append(_rich(by_sequence, _titled(dataset, by_sequence)))
     if occluded:
         tables += map(_rich, occlusion_tables(run))
     return tables
@@ -55,6 +58,10 @@ def show_trackers(infos: list[TrackerInfo]) -> None:
     for info in infos:
         table.add_row(info.name, info.about, info.missing or "yes")
     Console().print(table)
+
+
+def _titled(dataset: str, table: TextTable) -> str:
+    return f"{dataset or 'sequences'}: {table.title}"
 
 
 def _rich(text: TextTable, title: str | None = None) -> Table:

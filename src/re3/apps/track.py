@@ -18,7 +18,7 @@ from re3.apps.stopping import StopSignals
 from re3.apps.tracking import Box, Tracked, track_video
 from re3.engine import ENGINES
 from re3.models import DEFAULT_MODEL
-from re3.tracker import MultiTracker
+from re3.timed_tracker import TimedMultiTracker
 from re3.video import VideoSource, VideoWriter, open_results, open_source
 
 BROKEN_SOURCE = 1
@@ -152,7 +152,7 @@ def _run(
     if out is not None and out.exists() and Path(spec).exists() and out.samefile(spec):
         raise ValueError(f"--out {out} is the source itself; give another name")
     rows = open_results(results) if results is not None else None
-    tracker = MultiTracker(model, engine)
+    tracker = TimedMultiTracker(model, engine)
     with ExitStack() as stack:
         frames = stack.enter_context(open_source(spec, start_frame=start_frame))
         video = VideoWriter(out, frames.fps, frames.size) if out is not None else None
@@ -230,9 +230,15 @@ def _summarise(console: Console, run: _Run, *, told: bool) -> None:
     counts = ", ".join(f"{status} {count}" for status, count in outcome.statuses.items())
     say(f"{outcome.frames} frames; boxes by status: {counts}")
     if outcome.updates:
+        crops, network = (
+            1000 * seconds / outcome.updates
+            for seconds in (outcome.crop_seconds, outcome.network_seconds)
+        )
+        whole = 1000 / outcome.fps
         say(
-            f"tracking: {outcome.fps:.0f} FPS ({1000 / outcome.fps:.1f} ms a frame: crops, network "
-            "and state, without decoding and encoding)"
+            f"tracking: {outcome.fps:.0f} FPS ({whole:.1f} ms a frame without decoding and "
+            f"encoding: crops {crops:.1f}, network {network:.1f}, rest "
+            f"{whole - crops - network:.1f})"
         )
     if not run.written and not told:
         say("nothing was written; --out FILE.mp4 or --results FILE.csv keep the boxes")

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from re3.result import Result
+from re3.timed_tracker import time_spent
 from re3.video import Frame, ResultsWriter, SourceError, VideoSource, VideoWriter, draw_results
 
 Box = tuple[float, float, float, float]
@@ -35,6 +36,8 @@ class Tracked:
     Attributes:
         frames: in which objects were followed, the first included.
         seconds: spent in the tracker: crops, network and state, without decoding and encoding.
+        crop_seconds, network_seconds: of them those in cutting crops and in the network; NaN
+            where the tracker does not tell.
         updates: calls of `update` in that time.
         statuses: number of results by status.
         last: the latest result of each object.
@@ -45,6 +48,8 @@ class Tracked:
 
     frames: int = 0
     seconds: float = 0.0
+    crop_seconds: float = 0.0
+    network_seconds: float = 0.0
     updates: int = 0
     statuses: Counter[str] = field(default_factory=Counter)
     last: dict[int, Result] = field(default_factory=dict)
@@ -97,6 +102,9 @@ def track_video(
             else:
                 outcome.last = tracker.update(frame.image)
                 outcome.seconds += time.perf_counter() - started
+                crop_seconds, network_seconds = time_spent(tracker)
+                outcome.crop_seconds += crop_seconds
+                outcome.network_seconds += network_seconds
                 outcome.updates += 1
             outcome.statuses.update(str(r.status) for r in outcome.last.values())
             if results is not None:

@@ -121,7 +121,8 @@ def vot(
         }
         official = _analyse(workspace, list(names), chosen_stack, report)
         rows = [(name, official[i], ours[i]) for i, name in names.items()]
-        _show(rows, chosen_stack, len(named), version)
+        polygons = sum(sequence.polygons is not None for sequence in chosen)
+        _show(rows, chosen_stack, len(named), polygons, version)
         if report:
             stderr().print(f"report: {workspace}/reports/{ANALYSIS}/report.html", markup=False)
     except (ToolkitError, ValueError, OSError) as error:
@@ -212,7 +213,11 @@ def _analyse(
 
 
 def _show(
-    rows: list[tuple[str, OfficialScores, VotScores]], stack: VotStack, count: int, version: str
+    rows: list[tuple[str, OfficialScores, VotScores]],
+    stack: VotStack,
+    count: int,
+    polygons: int,
+    version: str,
 ) -> None:
     # A file or a pipe has no width to keep to; without one Rich would cut tables at 80 columns.
     console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH)
@@ -230,7 +235,7 @@ def _show(
         table.add_row(name, f"vot-toolkit {version}", *_figures(official))
         table.add_row("", "re3", *_figures(ours))
     console.print(table)
-    for note in _notes(rows, stack):
+    for note in [*_notes(rows, stack), _truth_note(count, polygons)]:
         console.print(f"note: {note}", markup=False, highlight=False)
 
 
@@ -250,7 +255,6 @@ def _notes(rows: list[tuple[str, OfficialScores, VotScores]], stack: VotStack) -
         "robustness is failures a sequence, weighted by length; reliability exp(-S failures / "
         f"frames) with S {stack.sensitivity:g}",
         f"toolkit and re3 differ by {largest_difference(rows):.1e} at most",
-        "the truth is upright boxes; a challenge with polygons has other figures",
     ]
     longest = max(len(ours.curve) for _, _, ours in rows)
     if stack.interval is not None and longest <= stack.interval[0]:
@@ -259,6 +263,13 @@ def _notes(rows: list[tuple[str, OfficialScores, VotScores]], stack: VotStack) -
             f"{stack.interval[0]} on; give --interval LOW,HIGH"
         )
     return notes
+
+
+def _truth_note(count: int, polygons: int) -> str:
+    if not polygons:
+        return "the truth is upright boxes; a challenge with polygons or masks has other figures"
+    others = "" if polygons == count else ", upright boxes in the others"
+    return f"the truth is polygons in {polygons} of {count} sequences{others}"
 
 
 def largest_difference(rows: list[tuple[str, OfficialScores, VotScores]]) -> float:

@@ -35,10 +35,14 @@ class Sequence:
         occluded: `[T]`, True where the dataset marks the object as occluded, in part or wholly;
             None where it marks nothing.
         attributes: what the dataset says makes the sequence hard, e.g. `("fast motion",)`.
+        polygons: T of them, `[P, 2]` each, x and y in pixels, P of 3 or more: the object's corners
+            where the dataset gives them in place of an upright box; `boxes_xywh` has the outermost
+            upright box. None for a frame without, or where there is none at all. Made read-only.
 
     Raises:
         ValueError: the boxes are not `[T, 4]` with T above 0, a row is neither NaN throughout nor
-            a finite box with an area, `start_frame` is negative, or `occluded` is not `[T]`.
+            a finite box with an area, `start_frame` is negative, `occluded` is not `[T]`, or the
+            polygons are not T, or one is not a finite `[P, 2]` of a frame with a box.
     """
 
     name: str
@@ -49,6 +53,7 @@ class Sequence:
     start_frame: int = 0
     occluded: NDArray[np.bool_] | None = None
     attributes: tuple[str, ...] = ()
+    polygons: tuple[NDArray[np.float64] | None, ...] | None = None
 
     def __post_init__(self) -> None:
         boxes = np.array(self.boxes_xywh, dtype=np.float64)
@@ -77,8 +82,34 @@ class Sequence:
                 )
             occluded.flags.writeable = False
             object.__setattr__(self, "occluded", occluded)
+        if self.polygons is not None:
+            object.__setattr__(self, "polygons", self._checked_polygons(self.polygons, boxes))
         boxes.flags.writeable = False
         object.__setattr__(self, "boxes_xywh", boxes)
+
+    def _checked_polygons(
+        self, given: tuple[NDArray[np.float64] | None, ...], boxes: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64] | None, ...] | None:
+        """Read-only copies; None where there is no polygon at all."""
+        if len(given) != len(boxes):
+            raise ValueError(
+                f"sequence {self.name!r}: {len(given)} polygons for {len(boxes)} boxes; expected "
+                "one a box, None where there is no polygon"
+            )
+        polygons: list[NDArray[np.float64] | None] = []
+        for row, points in enumerate(given):
+            polygon = None if points is None else np.array(points, dtype=np.float64)
+            if polygon is not None:
+                usable = polygon.ndim == 2 and polygon.shape[1:] == (2,) and len(polygon) >= 3
+                if not usable or not np.isfinite(polygon).all() or np.isnan(boxes[row, 0]):
+                    raise ValueError(
+                        f"sequence {self.name!r}: the polygon in row {row} has shape "
+                        f"{polygon.shape}; expected finite points [P, 2], P of 3 or more, in a "
+                        "frame with a box"
+                    )
+                polygon.flags.writeable = False
+            polygons.append(polygon)
+        return None if all(polygon is None for polygon in polygons) else tuple(polygons)
 
     def __len__(self) -> int:
         """Number of frames, T."""

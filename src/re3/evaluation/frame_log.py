@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import TextIO
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-_FIELDS = 9
+_FIELDS = 11
+_FIELDS_BEFORE = 9
+"""Of journals written before the time of crops and network was kept."""
 _NAN = float("nan")
 
 
@@ -39,6 +41,8 @@ class FrameLog:
         boxes_xywh: float64 `[T, 4]` in pixels, NaN without a box.
         steps: int8 `[T]` of `Step`.
         scores, seconds, decode_seconds: float64 `[T]`, NaN where there is none.
+        crop_seconds, network_seconds: float64 `[T]`, the parts of `seconds` that a tracker tells
+            of, NaN where it does not.
         done: number of frames known.
     """
 
@@ -53,6 +57,8 @@ class FrameLog:
         self.scores = np.full(frames, np.nan)
         self.seconds = np.full(frames, np.nan)
         self.decode_seconds = np.full(frames, np.nan)
+        self.crop_seconds = np.full(frames, np.nan)
+        self.network_seconds = np.full(frames, np.nan)
         self.done = 0
         self._journal = journal
         self._on_frame = on_frame
@@ -65,35 +71,47 @@ class FrameLog:
         score: float = _NAN,
         seconds: float = _NAN,
         decode_seconds: float = _NAN,
+        crop_seconds: float = _NAN,
+        network_seconds: float = _NAN,
     ) -> None:
         """Note a frame; frames come in order."""
         self.steps[index] = step
         if box_xywh is not None:
             self.boxes_xywh[index] = box_xywh
-        self.scores[index] = score
-        self.seconds[index] = seconds
-        self.decode_seconds[index] = decode_seconds
+        numbers = (score, seconds, decode_seconds, crop_seconds, network_seconds)
+        for column, number in zip(self._columns, numbers, strict=True):
+            column[index] = number
         self.done = index + 1
         if self._journal is not None:
-            row = (*self.boxes_xywh[index].tolist(), score, seconds, decode_seconds)
+            row = (*self.boxes_xywh[index].tolist(), *numbers)
             # repr() is the shortest text that reads back as the same number.
-            numbers = ",".join(repr(float(value)) for value in row)
-            self._journal.write(f"{index},{int(step)},{numbers}\n")
+            text = ",".join(repr(float(value)) for value in row)
+            self._journal.write(f"{index},{int(step)},{text}\n")
             self._journal.flush()
         if self._on_frame is not None:
             self._on_frame(self.done)
 
     @classmethod
     def read(cls, path: Path, frames: int) -> FrameLog:
-        """The log of a journal; a last line that was cut off is left out."""
+        """The log of a journal, also of an older one; a last line that was cut off is left out."""
         log = cls(frames)
         if not path.is_file():
             return log
         for line in path.read_text(encoding="utf-8").splitlines(keepends=True):
             fields = line.split(",")
-            if not line.endswith("\n") or len(fields) != _FIELDS:
+            if not line.endswith("\n") or len(fields) not in (_FIELDS, _FIELDS_BEFORE):
                 break
-            *box, score, seconds, decode_seconds = (float(field) for field in fields[2:])
-            known = None if math.isnan(box[0]) else box
-            log.add(int(fields[0]), Step(int(fields[1])), known, score, seconds, decode_seconds)
+            numbers = [float(field) for field in fields[2:]]
+            known = None if math.isnan(numbers[0]) else numbers[:4]
+            log.add(int(fields[0]), Step(int(fields[1])), known, *numbers[4:])
         return log
+
+    @property
+    def _columns(self) -> tuple[NDArray[np.float64], ...]:
+        return (
+            self.scores,
+            self.seconds,
+            self.decode_seconds,
+            self.crop_seconds,
+            self.network_seconds,
+        )

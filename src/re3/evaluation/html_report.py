@@ -20,6 +20,7 @@ from re3.evaluation.report_tables import (
     sequence_tables,
     speed_tables,
     summary_table,
+    time_tables,
 )
 from re3.evaluation.sequence_result import SequenceResult
 from re3.evaluation.summary import Run, notes
@@ -85,7 +86,7 @@ def to_html(
         {
             "name": name or "sequences",
             "summary": summary_table(run, name),
-            "speeds": speed_tables(run, name),
+            "speeds": [*speed_tables(run, name), *time_tables(run, name)],
             "figures": [
                 (inline_svg(plot.figure, f"d{number}p{place}"), plot.caption, plot.wide)
                 for place, plot in enumerate(plots.get(name, []))

@@ -18,14 +18,15 @@ from numpy.typing import ArrayLike, NDArray
 from re3.data.sequence import Sequence
 from re3.evaluation.frame_log import FrameLog, Step
 from re3.evaluation.peers import SequenceTracker, TrackerFactory
+from re3.timed_tracker import time_spent
 
 
 @dataclass(frozen=True)
 class Latency:
-    """How long updates take, in seconds; NaN without any.
+    """How long updates, or parts of them, take, in seconds; NaN without any.
 
     Attributes:
-        p50, p95, p99: half, 95 % and 99 % of the updates take no longer.
+        p50, p95, p99: half, 95 % and 99 % of them take no longer.
     """
 
     p50: float
@@ -48,6 +49,8 @@ class Track:
         decode_seconds: `[T]`, time to read each frame; None where it was not measured.
         unscored: the failure is not the tracker's (frames that cannot be read, a sequence without
             truth, a result that nobody published): there is nothing to score.
+        crop_seconds, network_seconds: `[T]`, the parts of `seconds` that went into cutting crops
+            and into the network; NaN where the tracker does not tell, None where nobody asked.
     """
 
     boxes_xywh: NDArray[np.float64]
@@ -56,16 +59,32 @@ class Track:
     failure: str | None = None
     decode_seconds: NDArray[np.float64] | None = None
     unscored: bool = False
+    crop_seconds: NDArray[np.float64] | None = None
+    network_seconds: NDArray[np.float64] | None = None
 
     @classmethod
     def of(cls, log: FrameLog, failure: str | None = None, unscored: bool = False) -> Track:
         """The track of a log."""
-        return cls(log.boxes_xywh, log.scores, log.seconds, failure, log.decode_seconds, unscored)
+        return cls(
+            log.boxes_xywh,
+            log.scores,
+            log.seconds,
+            failure,
+            log.decode_seconds,
+            unscored,
+            log.crop_seconds,
+            log.network_seconds,
+        )
 
     @property
     def update_seconds(self) -> NDArray[np.float64]:
         """`[N]`, time of each update, without that of the start."""
-        return self.seconds[np.isfinite(self.seconds)][1:]
+        return self.seconds[self.update_frames]
+
+    @property
+    def update_frames(self) -> NDArray[np.intp]:
+        """`[N]`, indices of the frames of those updates."""
+        return np.flatnonzero(np.isfinite(self.seconds))[1:]
 
     @property
     def latency(self) -> Latency:
@@ -123,7 +142,7 @@ def run_one_pass(
             except TrackerFailure as error:
                 return Track.of(log, f"frame {index}: {error}")
             seconds = time.perf_counter() - started
-            log.add(index, step, box, score, seconds, decoded_in)
+            log.add(index, step, box, score, seconds, decoded_in, *time_spent(tracker))
     finally:
         close(tracker)
     return Track.of(log)
@@ -141,7 +160,12 @@ def frames_per_second(tracks: Iterable[Track]) -> float:
 def latency(tracks: Iterable[Track]) -> Latency:
     """Percentiles of the time of an update over all tracks."""
     times = [track.update_seconds for track in tracks]
-    seconds = np.concatenate(times) if times else np.empty(0)
+    return percentiles(np.concatenate(times) if times else np.empty(0))
+
+
+def percentiles(seconds: NDArray[np.float64]) -> Latency:
+    """Percentiles of some times `[N]`; NaN among them are left out."""
+    seconds = seconds[np.isfinite(seconds)]
     if not seconds.size:
         return Latency(float("nan"), float("nan"), float("nan"))
     return Latency(*(float(value) for value in np.percentile(seconds, (50, 95, 99))))

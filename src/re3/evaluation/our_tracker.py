@@ -1,5 +1,7 @@
 """`re3.Tracker` as a tracker to be evaluated, with what can be changed about it by name.
 
+It also tells how long crops and network took, see `re3.timed_tracker`.
+
 Options follow a model's name or file, each after an `@`: `re3-lite@torch`, `re3-lite@no-reset`,
 `model.onnx@reset-16@threads-1`.
 """
@@ -14,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from re3.engine import Engine, StepOutput, load_engine
+from re3.timed_tracker import TimedMultiTracker, TimeSpent
 
 _WITH_OPTIONS = re.compile(r"(?P<model>.+?)(?P<options>(?:@[a-z0-9-]+)*)")
 EXPECTED_OPTIONS = "onnx, torch, no-reset, reset-N, no-search, threads-N"
@@ -75,23 +78,27 @@ class OurTracker:
     """
 
     def __init__(self, model: str, options: OurOptions | None = None) -> None:
-        # Deferred: the peers can be evaluated without loading a network.
-        from re3.tracker import Tracker
-
         options = options or OurOptions()
         engine = load_engine(model, options.engine, options.threads)
         if options.reset_interval is not None:
             engine = _OtherReset(engine, options.reset_interval)
-        self._tracker = Tracker(model=model, engine=engine, search=options.search)
+        self._tracker = TimedMultiTracker(model, engine, search=options.search)
 
     def init(self, frame: NDArray[np.uint8], box_xywh: ArrayLike) -> None:
-        """Start at a box."""
-        self._tracker.init(frame, box_xywh)
+        """Start at a box, forgetting any earlier one, as `re3.Tracker.init` does."""
+        identity = self._tracker.add(frame, box_xywh)
+        for other in set(self._tracker.results) - {identity}:
+            self._tracker.remove(other)
 
     def update(self, frame: NDArray[np.uint8]) -> tuple[ArrayLike, float]:
         """The box and its score."""
-        result = self._tracker.update(frame)
+        (result,) = self._tracker.update(frame).values()
         return result.box_xywh, result.score
+
+    @property
+    def time_spent(self) -> TimeSpent:
+        """Where the time of the latest `init` or `update` went."""
+        return self._tracker.time_spent
 
 
 class _OtherReset:

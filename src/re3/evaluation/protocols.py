@@ -77,7 +77,8 @@ def _vot_figures(results: list[SequenceResult], stack: str) -> Figures:
     for group in groups.values():
         sequence = group[0].sequence
         tracks = [result.supervised for result in group if result.supervised is not None]
-        runs.append(VotRuns(sequence.name, sequence.boxes_xywh, _frame_size(sequence), tracks))
+        size = _frame_size(sequence)
+        runs.append(VotRuns(sequence.name, sequence.boxes_xywh, size, tracks, sequence.polygons))
     scores = score_vot(runs, STACKS[stack])
     return {name: float(getattr(scores, name)) for name in names}
 
@@ -111,12 +112,13 @@ def _vot(stack: str) -> Protocol:
         conventions=(
             f"The supervised experiment of VOT with the settings of {stack}, {lengths}: a tracker "
             "has failed where its box and the truth do not overlap, and is started again with the "
-            f"truth {found.restart_after} frames later; {found.burn_in} frames from a start on do "
+            f"truth {found.restart_after} frames later. Where the truth is a polygon, overlap is "
+            f"that with the polygon. {found.burn_in} frames from a start on do "
             "not count for accuracy (A). Robustness (R) is failures a sequence, less is better; "
             "both are weighted by the sequences' lengths. S(30): chance of following for "
             "30 frames."
         ),
-        supervised=SupervisedConfig(restart_after=found.restart_after),
+        supervised=SupervisedConfig(restart_after=found.restart_after, by_polygon=True),
         summarise=partial(_vot_figures, stack=stack),
         measures=_VOT_MEASURES,
         by_sequence=("accuracy", "failures"),

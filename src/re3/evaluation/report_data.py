@@ -13,6 +13,7 @@ from re3.evaluation.occlusion import attribute_means, occlusion_table
 from re3.evaluation.one_pass import decode_time, frames_per_second
 from re3.evaluation.sequence_result import SequenceResult
 from re3.evaluation.summary import Run, notes
+from re3.evaluation.time_parts import time_parts
 
 
 def results_json(run: Run) -> str:
@@ -37,6 +38,9 @@ def results_json(run: Run) -> str:
                 "fps": row.fps,
                 "latency_seconds": asdict(row.latency),
                 "decode_seconds": row.decode_seconds,
+                "crop_seconds": row.parts.crop.p50,
+                "network_seconds": row.parts.network.p50,
+                "parts_seconds": asdict(row.parts),
             }
             for row in run.tracker_rows
         ],
@@ -60,7 +64,7 @@ def results_csv(run: Run) -> str:
 
 
 def _sequence_record(run: Run, result: SequenceResult) -> dict[str, Any]:
-    track, times = result.track, result.track.latency
+    track, times, parts = result.track, result.track.latency, time_parts([result.track])
     record: dict[str, Any] = {
         "dataset": result.sequence.dataset,
         "sequence": result.sequence.name,
@@ -79,6 +83,8 @@ def _sequence_record(run: Run, result: SequenceResult) -> dict[str, Any]:
         "p95_seconds": times.p95,
         "p99_seconds": times.p99,
         "decode_seconds": decode_time([track]),
+        "crop_seconds": parts.crop.p50,
+        "network_seconds": parts.network.p50,
         "reused": result.reused,
         "failure": track.failure,
     }

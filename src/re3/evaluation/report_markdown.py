@@ -8,6 +8,7 @@ from re3.evaluation.report_tables import (
     sequence_tables,
     speed_tables,
     summary_table,
+    time_tables,
 )
 from re3.evaluation.summary import Run, notes
 
@@ -34,7 +35,11 @@ def to_markdown(run: Run) -> str:
     for dataset in run.datasets:
         summary = summary_table(run, dataset)
         lines += ["", f"## {summary.title}", "", *_table(summary)]
-        for table in (*speed_tables(run, dataset), *sequence_tables(run, dataset)):
+        for table in (
+            *speed_tables(run, dataset),
+            *time_tables(run, dataset),
+            *sequence_tables(run, dataset),
+        ):
             lines += ["", f"### {table.title}", "", *_table(table)]
     for table in occlusion_tables(run):
         lines += ["", f"## {table.title}", "", *_table(table)]

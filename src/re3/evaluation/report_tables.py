@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
 from re3.evaluation.occlusion import occlusion_table
+from re3.evaluation.one_pass import Latency
 from re3.evaluation.protocol import Measure, RepeatedFigures
 from re3.evaluation.summary import Run, TrackerRow
+from re3.evaluation.time_parts import TimeParts
 
 Mark = Literal["", "tracker", "best", "second"]
 Best = Literal["high", "low"]
@@ -62,6 +65,32 @@ def speed_tables(run: Run, dataset: str) -> list[TextTable]:
     ]
     title = "Time of an update and, apart from it, of reading a frame"
     return [_by_tracker(title, rows, columns)]
+
+
+def time_tables(run: Run, dataset: str) -> list[TextTable]:
+    """A row a tracker: where the time of a frame goes, median and 95 % of each part.
+
+    None where trackers ran side by side, or nothing was measured. Crops and network are columns
+    where a tracker tells of them.
+    """
+    rows = [row for row in _rows_of(run, dataset) if not math.isnan(row.parts.update.p50)]
+    if not run.timing_is_comparable or not rows:
+        return []
+    columns: list[tuple[str, Callable[[TimeParts], Latency]]] = [("update", lambda p: p.update)]
+    if any(row.parts.split for row in rows):
+        columns = [
+            ("crops", lambda p: p.crop),
+            ("network", lambda p: p.network),
+            ("rest", lambda p: p.rest),
+            *columns,
+        ]
+    if any(not math.isnan(row.parts.decode.p50) for row in rows):
+        columns = [("reading", lambda p: p.decode), *columns, ("whole", lambda p: p.whole)]
+    cells = [
+        (heading, [Cell(_median_and_95(part(row.parts))) for row in rows])
+        for heading, part in columns
+    ]
+    return [_by_tracker("Where the time of a frame goes, ms: median / 95 %", rows, cells)]
 
 
 def sequence_tables(run: Run, dataset: str) -> list[TextTable]:
@@ -137,6 +166,15 @@ def _column(measure: Measure, rows: list[TrackerRow]) -> tuple[str, list[Cell]]:
 def _milliseconds(heading: str, seconds: list[float]) -> tuple[str, list[Cell]]:
     cells = [(value, number(value * 1000, 1)) for value in seconds]
     return heading, _marked(cells, "low")
+
+
+def _median_and_95(latency: Latency) -> str:
+    # A crop takes a few tenths of a millisecond, a slow tracker a second.
+    texts = [
+        number(ms, 2 if ms < 1 else 1 if ms < 100 else 0)
+        for ms in (1000 * latency.p50, 1000 * latency.p95)
+    ]
+    return "-" if math.isnan(latency.p50) else " / ".join(texts)
 
 
 def _figure(measure: Measure, value: float) -> str:

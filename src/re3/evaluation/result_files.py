@@ -2,7 +2,8 @@
 
 `<folder>/<dataset>/<tracker>/<sequence>.txt` holds `x,y,width,height` a line, 0-based and without
 rounding, `nan,nan,nan,nan` where there is no box; `<sequence>.csv` beside it holds the tracker's
-score and the seconds it took for each frame, and the seconds it took to read it.
+score and the seconds it took for each frame, the seconds it took to read it and, of a tracker that
+tells of them, the seconds of cutting crops and of the network.
 
 Of a run with restarts, a line of the text is a trajectory's as the VOT toolkit writes them: a box,
 or a code, 1 where the tracker was started, 2 where it failed, 0 where it was not asked.
@@ -26,7 +27,7 @@ from re3.evaluation.one_pass import Track
 from re3.evaluation.supervised import SupervisedTrack
 
 _HEADER = ["score", "seconds"]
-_DECODE = "decode_seconds"
+_TIMES = ["decode_seconds", "crop_seconds", "network_seconds"]
 _CODES = {Step.SKIPPED: "0", Step.STARTED: "1", Step.FAILED: "2"}
 _STEPS = {code: step for step, code in _CODES.items()}
 
@@ -57,14 +58,14 @@ def result_path(folder: Path, tracker: str, sequence: Sequence, repeat: int = 0)
 def save_track(path: Path, track: Track) -> None:
     """Write the boxes, scores and times of a track; makes the folders it needs."""
     # The boxes come last: where they are, the track is complete.
-    _save_times(path, track.scores, track.seconds, track.decode_seconds)
+    _save_times(path, track.scores, track)
     write_whole(path, "".join(f"{_box_line(box)}\n" for box in track.boxes_xywh))
 
 
 def save_supervised(path: Path, track: SupervisedTrack) -> None:
     """Write a track with restarts; makes the folders it needs."""
     scores = np.full(len(track.steps), np.nan) if track.scores is None else track.scores
-    _save_times(path, scores, track.seconds, track.decode_seconds)
+    _save_times(path, scores, track)
     lines = (
         _CODES.get(Step(step)) or _box_line(box)
         for step, box in zip(track.steps, track.boxes_xywh, strict=True)
@@ -153,16 +154,16 @@ def load_supervised(path: Path, sequence: Sequence) -> SupervisedTrack | None:
     return SupervisedTrack.of(log)
 
 
-def _save_times(
-    path: Path,
-    scores: NDArray[np.float64],
-    seconds: NDArray[np.float64],
-    decode_seconds: NDArray[np.float64] | None,
-) -> None:
-    header, columns = list(_HEADER), [scores, seconds]
-    if decode_seconds is not None:
-        header.append(_DECODE)
-        columns.append(decode_seconds)
+def _save_times(path: Path, scores: NDArray[np.float64], track: Track | SupervisedTrack) -> None:
+    header, columns = list(_HEADER), [scores, track.seconds]
+    parts = (track.crop_seconds, track.network_seconds)
+    times = [track.decode_seconds]
+    # A column for the trackers that tell, and files as they were for the others.
+    times += [part if part is not None and np.isfinite(part).any() else None for part in parts]
+    for name, column in zip(_TIMES, times, strict=True):
+        if column is not None:
+            header.append(name)
+            columns.append(column)
     rows = [",".join(_number(value) for value in row) for row in zip(*columns, strict=True)]
     write_whole(
         path.with_name(f"{path.stem}.csv"), "".join(f"{r}\n" for r in [",".join(header), *rows])
@@ -183,13 +184,17 @@ def _load_times(path: Path, sequence: Sequence, lines: int, log: FrameLog) -> No
         table = np.array([[float(value) for value in row] for row in rows[1:]])
     except ValueError as error:
         raise ValueError(f"{times_path}: {error}; expected a score and seconds a line") from error
-    # Earlier versions did not measure the decoding.
-    known = rows[0] in (_HEADER, [*_HEADER, _DECODE])
+    # Earlier versions did not measure the decoding, and later ones not its parts.
+    names = rows[0][len(_HEADER) :]
+    known = rows[0][: len(_HEADER)] == _HEADER and names == [n for n in _TIMES if n in names]
     if not known or table.shape != (len(sequence), len(rows[0])):
-        raise ValueError(f"{times_path} does not have the columns {', '.join([*_HEADER, _DECODE])}")
+        raise ValueError(
+            f"{times_path} does not have the columns {', '.join(_HEADER)} and, where they were "
+            f"measured, {', '.join(_TIMES)}"
+        )
     log.scores, log.seconds = table[:, 0], table[:, 1]
-    if table.shape[1] > len(_HEADER):
-        log.decode_seconds = table[:, 2]
+    for name, column in zip(names, table[:, len(_HEADER) :].T, strict=True):
+        setattr(log, name, column)
 
 
 def _box_line(box: NDArray[np.float64]) -> str:

@@ -10,6 +10,7 @@ from re3.evaluation.environment import Environment
 from re3.evaluation.one_pass import Latency, decode_time, frames_per_second, latency
 from re3.evaluation.protocol import Figures, Protocol, RepeatedFigures, over_repeats
 from re3.evaluation.sequence_result import SequenceResult, grouped
+from re3.evaluation.time_parts import TimeParts, time_parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +25,7 @@ class TrackerRow:
         fps: one over the median time of an update.
         latency: percentiles of that time.
         decode_seconds: median time to read a frame.
+        parts: where the time of a frame goes.
     """
 
     dataset: str
@@ -34,6 +36,7 @@ class TrackerRow:
     fps: float
     latency: Latency
     decode_seconds: float
+    parts: TimeParts
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +109,7 @@ class Run:
                     fps=frames_per_second(tracks),
                     latency=latency(tracks),
                     decode_seconds=decode_time(tracks),
+                    parts=time_parts(tracks),
                 )
             )
         return rows

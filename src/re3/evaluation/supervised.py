@@ -31,6 +31,10 @@ from re3.evaluation.one_pass import (
     timed_frames,
 )
 from re3.evaluation.peers import SequenceTracker, TrackerFactory
+from re3.evaluation.vot_overlap import polygon_overlap
+from re3.timed_tracker import time_spent
+
+_NAN = float("nan")
 
 __all__ = ["VOT", "Step", "SupervisedConfig", "SupervisedTrack", "run_supervised"]
 
@@ -47,12 +51,16 @@ class SupervisedConfig:
             for; after the first start there is none.
         wait_for_sight: never start again in a frame marked as occluded. The VOT toolkit can do
             that (`skip_tags`); its stacks of VOT 2014, 2016 and 2018 do not.
+        by_polygon: where the truth is a polygon, overlap is that of the box with the polygon, in
+            pixels inside the frame (`re3.evaluation.vot_overlap`), as in VOT; else that with the
+            upright box around it.
     """
 
     restart_after: int = 5
     fails_at: float = 0.0
     grace: int = 0
     wait_for_sight: bool = False
+    by_polygon: bool = False
 
     def __post_init__(self) -> None:
         if self.restart_after < 1:
@@ -65,7 +73,7 @@ class SupervisedConfig:
             raise ValueError(f"grace is {self.grace} frames; expected 0 or more")
 
 
-VOT = SupervisedConfig()
+VOT = SupervisedConfig(by_polygon=True)
 """The supervised experiment of VOT 2014 to 2018."""
 
 
@@ -85,6 +93,7 @@ class SupervisedTrack:
         scores: `[T]`, the tracker's own; NaN where the frame was neither followed nor started.
         decode_seconds: `[T]`, time to read each frame; NaN where it was not measured.
         unscored: the failure is not the tracker's: frames that cannot be read.
+        crop_seconds, network_seconds: as of `re3.evaluation.one_pass.Track`.
     """
 
     boxes_xywh: NDArray[np.float64]
@@ -94,6 +103,8 @@ class SupervisedTrack:
     scores: NDArray[np.float64] | None = None
     decode_seconds: NDArray[np.float64] | None = None
     unscored: bool = False
+    crop_seconds: NDArray[np.float64] | None = None
+    network_seconds: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         count = len(self.boxes_xywh)
@@ -116,6 +127,8 @@ class SupervisedTrack:
             log.scores,
             log.decode_seconds,
             unscored,
+            log.crop_seconds,
+            log.network_seconds,
         )
 
     @property
@@ -129,7 +142,14 @@ class SupervisedTrack:
         seconds[np.flatnonzero(self.steps == Step.STARTED)[1:]] = np.nan
         scores = np.full(len(seconds), np.nan) if self.scores is None else self.scores
         return Track(
-            self.boxes_xywh, scores, seconds, self.failure, self.decode_seconds, self.unscored
+            self.boxes_xywh,
+            scores,
+            seconds,
+            self.failure,
+            self.decode_seconds,
+            self.unscored,
+            self.crop_seconds,
+            self.network_seconds,
         )
 
 
@@ -191,14 +211,29 @@ def run_supervised(
                 return SupervisedTrack.of(log, f"frame {index}: {error}")
             seconds = time.perf_counter() - started
             judged = sequence.annotated[index] and index >= judged_from and not starting
-            if judged and overlap(box, truth) <= config.fails_at:
-                log.add(index, Step.FAILED, seconds=seconds, decode_seconds=decoded_in)
+            if judged and _overlap(sequence, index, box, frame, config) <= config.fails_at:
+                log.add(index, Step.FAILED, None, _NAN, seconds, decoded_in, *time_spent(tracker))
                 close(tracker)
                 tracker, failed_before = None, True
                 next_start = index + config.restart_after
                 continue
-            log.add(index, step, box, score, seconds, decoded_in)
+            log.add(index, step, box, score, seconds, decoded_in, *time_spent(tracker))
     finally:
         if tracker is not None:
             close(tracker)
     return SupervisedTrack.of(log)
+
+
+def _overlap(
+    sequence: Sequence,
+    index: int,
+    box_xywh: NDArray[np.float64],
+    frame: NDArray[np.uint8],
+    config: SupervisedConfig,
+) -> float:
+    """Overlap of a box with the truth of a frame."""
+    polygon = None if sequence.polygons is None else sequence.polygons[index]
+    if config.by_polygon and polygon is not None:
+        height, width = frame.shape[:2]
+        return polygon_overlap(box_xywh, polygon, (width, height))
+    return float(overlap(box_xywh, sequence.boxes_xywh[index]))

@@ -5,7 +5,8 @@ The Visual Object Tracking VOT2015 challenge results, ICCVW 2015, for the expect
 What is computed is what vot-toolkit 0.9.0 computes in `vot.analysis.supervised`, from the same
 trajectories to the same figures; its conventions, which the papers leave open:
 
-* Overlap is counted in whole pixels, see `pixel_overlaps`.
+* Overlap is counted in whole pixels, see `re3.evaluation.vot_overlap`. Where the truth is a polygon
+  it is that of the box with the polygon.
 * Accuracy of a run is the mean overlap over the frames the tracker followed, without the frame of
   a start and the `burn_in - 1` after it; 0 where no frame is left. Accuracy of a sequence is the
   mean over its runs, and that of a data set the mean over sequences weighted by their number of
@@ -28,11 +29,23 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence as List
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from re3.evaluation.supervised import Step, SupervisedTrack
+from re3.evaluation.vot_overlap import Polygons, pixel_overlaps
+
+__all__ = [
+    "STACKS",
+    "VotRuns",
+    "VotScores",
+    "VotStack",
+    "expected_overlap_curve",
+    "pixel_overlaps",
+    "score_vot",
+]
 
 Floats = NDArray[np.float64]
 
@@ -98,6 +111,8 @@ class VotRuns:
         truth_xywh: `[T, 4]` in pixels, NaN where there is no truth.
         size: width and height of the frames in pixels; what lies outside does not count.
         runs: one or more, each of T frames.
+        polygons: of each frame the truth's polygon `[P, 2]`, None where the truth is the box; None
+            where all are boxes.
 
     Raises:
         ValueError: no run, one of another length, or one whose frames could not be read.
@@ -107,6 +122,7 @@ class VotRuns:
     truth_xywh: Floats
     size: tuple[int, int]
     runs: List[SupervisedTrack]
+    polygons: Polygons | None = None
 
     def __post_init__(self) -> None:
         if not self.runs:
@@ -122,6 +138,18 @@ class VotRuns:
                     f"sequence {self.name!r} cannot be scored, its frames could not be read: "
                     f"{run.failure}"
                 )
+
+    @cached_property
+    def overlaps(self) -> list[Floats]:
+        """Of each run `[T]`: NaN without truth, 0 where it was started, failed or skipped."""
+        return [self._overlaps_of(run) for run in self.runs]
+
+    def _overlaps_of(self, run: SupervisedTrack) -> Floats:
+        followed = (run.steps == Step.FOLLOWED)[:, None]
+        boxes = np.where(followed, run.boxes_xywh, np.nan)
+        overlaps = pixel_overlaps(boxes, self.truth_xywh, self.size, self.polygons)
+        overlaps[np.isnan(self.truth_xywh).any(axis=1)] = np.nan
+        return overlaps
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,92 +210,28 @@ def expected_overlap_curve(sequences: List[VotRuns]) -> Floats:
     fragments: list[Floats] = []
     lost: list[bool] = []
     for sequence in sequences:
-        for run in sequence.runs:
-            _cut(run, _overlaps(sequence, run), fragments, lost)
+        for run, overlaps in zip(sequence.runs, sequence.overlaps, strict=True):
+            _cut(run, overlaps, fragments, lost)
     if not fragments:
         return np.empty(0)
     lengths = np.array([len(fragment) for fragment in fragments])
     columns = np.arange(lengths.max())
     inside = columns < lengths[:, None]
-    overlaps = np.zeros(inside.shape)
-    overlaps[inside] = np.concatenate(fragments)
+    table = np.zeros(inside.shape)
+    table[inside] = np.concatenate(fragments)
     # Frame 0 is that of the start: its overlap is 0, and the means are over the frames after it.
-    means = np.cumsum(overlaps, axis=1) / np.maximum(columns, 1)
+    means = np.cumsum(table, axis=1) / np.maximum(columns, 1)
     counts = inside | np.array(lost)[:, None]
     return (means * counts).sum(axis=0) / counts.sum(axis=0)
-
-
-def pixel_overlaps(boxes_xywh: ArrayLike, truth_xywh: ArrayLike, size: tuple[int, int]) -> Floats:
-    """Overlap of boxes in whole pixels inside the frame, as the toolkit counts it.
-
-    A box is kept in float32; x, y, width and height are each rounded to a whole number, halves to
-    the even one, and the box then covers the pixels x..x + width - 1 and y..y + height - 1. Pixels
-    outside the frame do not count. Two quirks are kept: boxes that together cover at most one
-    column or row of pixels overlap by 1 if that is so before the frame cuts them, and by 0 if only
-    after.
-
-    The overlap differs from that of the exact boxes, the more the smaller they are.
-
-    Args:
-        boxes_xywh: `[T, 4]`; NaN where there is no box.
-        truth_xywh: `[T, 4]`; NaN where there is no truth.
-        size: width and height of the frame.
-
-    Returns:
-        `[T]`, 0..1; 0 where either is NaN.
-
-    Raises:
-        ValueError: the shapes differ or are not `[T, 4]`.
-    """
-    given = [np.asarray(boxes, dtype=np.float64) for boxes in (boxes_xywh, truth_xywh)]
-    if given[0].ndim != 2 or given[0].shape[1] != 4 or given[0].shape != given[1].shape:
-        raise ValueError(
-            f"boxes have shape {given[0].shape} and the truth {given[1].shape}; "
-            "expected [T, 4] for both"
-        )
-    there = np.isfinite(np.concatenate(given, axis=1)).all(axis=1)
-    (first_a, last_a), (first_b, last_b) = (_pixels(boxes[there]) for boxes in given)
-    # All [N, 2], x and y; last pixels are included.
-    first, last = np.minimum(first_a, first_b), np.maximum(last_a, last_b)
-    first_seen, last_seen = np.maximum(first, 0), np.minimum(last, np.array(size) - 1)
-
-    def area(begin: Floats, end: Floats) -> Floats:
-        begin, end = np.maximum(begin, first_seen), np.minimum(end, last_seen)
-        return np.maximum(end - begin + 1, 0).prod(axis=1)
-
-    common = area(np.maximum(first_a, first_b), np.minimum(last_a, last_b))
-    union = area(first_a, last_a) + area(first_b, last_b) - common
-    overlaps = np.divide(common, union, out=np.zeros(len(union)), where=union > 0)
-    overlaps[(first_seen >= last_seen).any(axis=1)] = 0.0
-    overlaps[(first >= last).any(axis=1)] = 1.0
-    result = np.zeros(len(given[0]))
-    result[there] = overlaps
-    return result
-
-
-def _pixels(boxes_xywh: Floats) -> tuple[Floats, Floats]:
-    """First and last pixel of boxes, each `[N, 2]`."""
-    rounded = np.round(boxes_xywh.astype(np.float32)).astype(np.float64)
-    return rounded[:, :2], rounded[:, :2] + rounded[:, 2:] - 1
-
-
-def _overlaps(sequence: VotRuns, run: SupervisedTrack) -> Floats:
-    """`[T]`, NaN where there is no truth, 0 where the tracker was started, failed or skipped."""
-    followed = (run.steps == Step.FOLLOWED)[:, None]
-    boxes = np.where(followed, run.boxes_xywh, np.nan)
-    overlaps = pixel_overlaps(boxes, sequence.truth_xywh, sequence.size)
-    overlaps[np.isnan(sequence.truth_xywh).any(axis=1)] = np.nan
-    return overlaps
 
 
 def _accuracy_and_failures(sequence: VotRuns, stack: VotStack) -> tuple[float, float]:
     """Both of one sequence, means over its runs."""
     accuracies, failures = [], []
-    for run in sequence.runs:
+    for run, overlaps in zip(sequence.runs, sequence.overlaps, strict=True):
         counts = run.steps == Step.FOLLOWED
         for start in np.flatnonzero(run.steps == Step.STARTED):
             counts[start : start + stack.burn_in] = False
-        overlaps = _overlaps(sequence, run)
         counts &= ~np.isnan(overlaps)
         accuracies.append(overlaps[counts].mean() if counts.any() else 0.0)
         failures.append(run.drops)

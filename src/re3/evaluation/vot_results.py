@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from re3.data.plain import read_boxes
+from re3.data.formats.vot import read_truth
 from re3.evaluation.supervised import Step, SupervisedTrack
 from re3.evaluation.vot import VotRuns, VotStack
 from re3.evaluation.vot_workspace import EXPERIMENT
@@ -117,9 +117,10 @@ def _read_sequence_runs(workspace: Path, identifier: str, name: str, repetitions
         for line in (sequence / "sequence").read_text(encoding="utf-8").splitlines()
         if "=" in line
     )
-    truth = read_boxes(sequence / "groundtruth.txt")
+    truth, polygons = read_truth(sequence / "groundtruth.txt")
     size = (int(properties["width"]), int(properties["height"]))
-    return VotRuns(name, truth, size, [_read_trajectory(path, truth) for path in paths])
+    tracks = [_read_trajectory(path, truth) for path in paths]
+    return VotRuns(name, truth, size, tracks, polygons)
 
 
 def _read_trajectory(path: Path, truth: NDArray[np.float64]) -> SupervisedTrack:

@@ -4,7 +4,7 @@
     trackers.ini                    how to start each tracker, over TraX
     sequences/list.txt              the sequences that take part
     sequences/NAME/sequence         size, length and rate of the frames
-    sequences/NAME/groundtruth.txt  x,y,width,height a line
+    sequences/NAME/groundtruth.txt  x,y,width,height a line, or x,y of each corner of a polygon
     sequences/NAME/color/00000001.png ...
     results/TRACKER/baseline/NAME/NAME_001.txt ...   a trajectory a repetition
     analysis/NAME.json              what `vot analysis` found
@@ -25,7 +25,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from re3.data.sequence import Sequence
 from re3.evaluation.vot import STACKS, VotStack
@@ -214,7 +213,7 @@ def _write_sequence(
         if on_frame is not None:
             on_frame(number)
     assert size is not None, "a sequence has at least one frame"
-    (folder / "groundtruth.txt").write_text(_truth_text(sequence.boxes_xywh), encoding="utf-8")
+    (folder / "groundtruth.txt").write_text(_truth_text(sequence), encoding="utf-8")
     properties = {
         "name": folder.name,
         "channels.color": "color/%08d.png",
@@ -229,16 +228,21 @@ def _write_sequence(
     )
 
 
-def _truth_text(boxes_xywh: NDArray[np.float64]) -> str:
-    lines = (",".join(np.format_float_positional(v, trim="-") for v in row) for row in boxes_xywh)
+def _truth_text(sequence: Sequence) -> str:
+    polygons = sequence.polygons or (None,) * len(sequence)
+    rows = (
+        box if polygon is None else polygon.ravel()
+        for box, polygon in zip(sequence.boxes_xywh, polygons, strict=True)
+    )
+    lines = (",".join(np.format_float_positional(v, trim="-") for v in row) for row in rows)
     return "".join(f"{line}\n" for line in lines)
 
 
 def _check_same(folder: Path, sequence: Sequence) -> None:
     written = (folder / "groundtruth.txt").read_text(encoding="utf-8")
-    if written != _truth_text(sequence.boxes_xywh):
+    if written != _truth_text(sequence):
         raise ValueError(
-            f"{folder} holds another sequence, or one with other boxes, than {sequence.name!r}; "
+            f"{folder} holds another sequence, or one with other truth, than {sequence.name!r}; "
             "expected the same: give another --workspace, or delete the folder and its results"
         )
 

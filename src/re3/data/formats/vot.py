@@ -4,8 +4,8 @@ Kristan et al., The Visual Object Tracking challenge results. Images are `000000
 the sequence's folder (in older years) or in `color/` below it. A line of truth is one of
 
 * `x,y,width,height`, a box;
-* `x1,y1,x2,y2,x3,y3,x4,y4` or any longer polygon, for which the outermost axis-aligned box is
-  taken, as in the Re3 paper;
+* `x1,y1,x2,y2,x3,y3,x4,y4` or any other polygon, for which the outermost axis-aligned box is
+  taken, as in the Re3 paper; the polygon itself is kept beside it;
 * `mX,Y,WIDTH,HEIGHT,n0,n1,...`, a mask (from 2020): runs of zeros and ones in turn, row by row, of
   the region at X,Y; its box is that of the ones;
 * a single number or NaN: nothing to follow in this frame.
@@ -26,6 +26,7 @@ import numpy as np
 from re3.data.formats.files import (
     ABSENT,
     Entry,
+    Floats,
     check_count,
     dataset_name,
     files_with,
@@ -71,18 +72,45 @@ def parse_region(line: str, where: str) -> tuple[float, ...]:
     Raises:
         ValueError: the line is none of the kinds above; the message starts with `where`.
     """
+    return _box_and_polygon(line, where)[0]
+
+
+def read_truth(path: Path) -> tuple[Floats, tuple[Floats | None, ...]]:
+    """Read a truth file.
+
+    Returns:
+        boxes_xywh `[T, 4]`, NaN where there is nothing to follow; and of each frame the polygon
+        `[P, 2]`, None where the line is something else or has no area.
+
+    Raises:
+        FileNotFoundError: no such file.
+        ValueError: it is empty, or a line is none of the kinds above; names the file and the line.
+    """
+    regions = [
+        _box_and_polygon(line, f"{path}, line {number}")
+        for number, line in enumerate(lines_of(path, _EXPECTED), start=1)
+    ]
+    boxes = usable([box for box, _ in regions])
+    there = ~np.isnan(boxes[:, 0])
+    return boxes, tuple(
+        polygon if here else None for (_, polygon), here in zip(regions, there, strict=True)
+    )
+
+
+def _box_and_polygon(line: str, where: str) -> tuple[tuple[float, ...], Floats | None]:
     text = line.strip()
     if text.startswith("m"):
-        return _mask_box(numbers_of(text[1:], where, _EXPECTED), where)
+        return _mask_box(numbers_of(text[1:], where, _EXPECTED), where), None
     numbers = numbers_of(text, where, _EXPECTED)
     if len(numbers) == 1 or (numbers and np.isnan(numbers).all()):
-        return ABSENT
+        return ABSENT, None
     if len(numbers) == 4:
-        return tuple(numbers)
+        return tuple(numbers), None
     if len(numbers) < 6 or len(numbers) % 2:
         raise ValueError(f"{where}: {len(numbers)} numbers; expected {_EXPECTED}")
-    xs, ys = numbers[::2], numbers[1::2]
-    return min(xs), min(ys), max(xs) - min(xs), max(ys) - min(ys)
+    polygon = np.array(numbers).reshape(-1, 2)
+    (left, top), (right, bottom) = polygon.min(axis=0).tolist(), polygon.max(axis=0).tolist()
+    return (left, top, right - left, bottom - top), polygon
 
 
 def _mask_box(numbers: list[float], where: str) -> tuple[float, ...]:
@@ -120,11 +148,10 @@ def _read(folder: Path, dataset: str) -> list[Sequence]:
     source = folder / "color"
     images = images_in(source if source.is_dir() else folder)
     path = folder / TRUTH
-    lines = lines_of(path, _EXPECTED)
-    regions = [parse_region(line, f"{path}, line {n}") for n, line in enumerate(lines, start=1)]
-    check_count(len(regions), path, len(images), images[0].parent)
+    boxes, polygons = read_truth(path)
+    check_count(len(boxes), path, len(images), images[0].parent)
     marks = {
-        tag.stem: flags_of(tag, len(regions), may_end_early=True)
+        tag.stem: flags_of(tag, len(boxes), may_end_early=True)
         for suffix in (".label", ".tag")
         for tag in files_with(folder, suffix)
     }
@@ -132,9 +159,10 @@ def _read(folder: Path, dataset: str) -> list[Sequence]:
         Sequence(
             name=folder.absolute().name,
             source=images[0].parent,
-            boxes_xywh=usable(regions),
+            boxes_xywh=boxes,
             dataset=dataset,
             occluded=marks.get("occlusion"),
             attributes=tuple(tag.replace("_", " ") for tag in sorted(marks) if marks[tag].any()),
+            polygons=polygons,
         )
     ]
