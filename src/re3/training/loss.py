@@ -1,8 +1,13 @@
-"""The training loss: L1 on the corners (Re3, sec. III-B) and terms that help it along."""
+"""The training loss: L1 on the corners (Re3, sec. III-B) and terms that help it along.
+
+Each term is a weighted mean over all steps of all sequences of a batch. Where several processes
+share a batch, the sums of weights are those of the whole batch, so that the mean over the processes
+of their losses, and of their gradients, is that of one process with the whole batch.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import torch
 import torch.nn.functional as F
@@ -10,17 +15,27 @@ from torch import Tensor
 
 from re3.geometry import REGRESSION_SCALE
 from re3.network.re3_lite import LiteOutput
+from re3.training.distributed import ALONE, Processes
 from re3.training.recipe import LossWeights
 
 
 @dataclass(frozen=True)
 class Losses:
-    """The loss and what it is made of; all scalars, the parts unweighted and detached."""
+    """The loss and what it is made of.
+
+    Attributes:
+        total: scalar, of this process's share of the batch, to take gradients of.
+        value: of the whole batch; so are all that follow but the last.
+        parts: the terms, unweighted.
+        mean_overlap: IoU of prediction and truth over the steps with a true box.
+        overlap: `[N]`, IoU of this process's steps; 0 where there is no true box.
+    """
 
     total: Tensor
+    value: float
     parts: dict[str, float]
-    overlap: Tensor  # [N], IoU of prediction and truth, detached; 0 where there is no true box
-    mean_overlap: float  # over the steps with a true box
+    mean_overlap: float
+    overlap: Tensor
 
 
 def overlaps(predicted: Tensor, truth: Tensor) -> tuple[Tensor, Tensor]:
@@ -62,7 +77,12 @@ def corner_cells(targets: Tensor, grid: int) -> tuple[Tensor, Tensor]:
 
 
 def tracking_loss(
-    output: LiteOutput, targets: Tensor, has_box: Tensor, hidden: Tensor, weights: LossWeights
+    output: LiteOutput,
+    targets: Tensor,
+    has_box: Tensor,
+    hidden: Tensor,
+    weights: LossWeights,
+    processes: Processes = ALONE,
 ) -> Losses:
     """Loss of N steps.
 
@@ -72,31 +92,33 @@ def tracking_loss(
         has_box: `[N]`, 1 where there is a true box inside the crop.
         hidden: `[N]`, 1 where the object is all but hidden.
         weights: of the terms.
+        processes: that have a share of the batch, each of N steps.
     """
     weight = has_box * (1 - hidden * (1 - weights.hidden))
-    total = weight.sum().clamp(min=1.0)
-    corners = ((output.corners - targets).abs().mean(dim=1) * weight).sum() / total
-    iou, giou = overlaps(output.corners, targets)
-    overlap = ((1 - giou) * weight).sum() / total
     cells, inside = corner_cells(targets, output.heat_logits.shape[-1])
+    corner_weight = inside * weight[:, None]  # [N, 2]
+    sums = torch.stack([weight.sum(), corner_weight.sum(), has_box.sum()])
+    boxes, heats, present = processes.sum(sums).clamp(min=1.0) / processes.count
+
+    iou, giou = overlaps(output.corners, targets)
+    reached = (iou * has_box).detach()
     log_heat = F.log_softmax(output.heat_logits.flatten(2), dim=2)
     entropy = -(cells.flatten(2) * log_heat).sum(dim=2)  # [N, 2]
-    heat = (entropy * inside * weight[:, None]).sum() / (inside * weight[:, None]).sum().clamp(
-        min=1
-    )
-    reached = (iou * has_box).detach()
-    score = F.binary_cross_entropy_with_logits(output.score_logit, reached)
+    terms = {
+        "corners": ((output.corners - targets).abs().mean(dim=1) * weight).sum() / boxes,
+        "overlap": ((1 - giou) * weight).sum() / boxes,
+        "heat": (entropy * corner_weight).sum() / heats,
+        "score": F.binary_cross_entropy_with_logits(output.score_logit, reached),
+    }
+    factors = asdict(weights)
+    total = torch.stack([factors[name] * term for name, term in terms.items()]).sum()
+
+    figures = torch.stack([total, reached.sum() / present, *terms.values()])
+    value, overlap, *parts = (processes.sum(figures) / processes.count).tolist()
     return Losses(
-        total=weights.corners * corners
-        + weights.overlap * overlap
-        + weights.heat * heat
-        + weights.score * score,
-        parts={
-            "corners": corners.item(),
-            "overlap": overlap.item(),
-            "heat": heat.item(),
-            "score": score.item(),
-        },
+        total=total,
+        value=value,
+        parts=dict(zip(terms, parts, strict=True)),
+        mean_overlap=overlap,
         overlap=reached,
-        mean_overlap=float(reached.sum() / has_box.sum().clamp(min=1)),
     )

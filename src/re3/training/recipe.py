@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 
@@ -13,7 +14,8 @@ class Phase:
         unroll: steps after the initialisation frame.
         batch: sequences in a batch.
         own: probability, decided per sequence, of crops at the network's own predictions.
-        iterations: batches.
+        iterations: batches. Where the curriculum moves on when the loss plateaus, the most it
+            takes: what it leaves is for the phases after it.
     """
 
     unroll: int
@@ -26,6 +28,28 @@ class Phase:
             raise ValueError(
                 f"phase {self} is not usable; expected unroll and batch of 1 or more, iterations "
                 "of 0 or more, and a probability `own` in 0..1"
+            )
+
+
+@dataclass(frozen=True)
+class PlateauRule:
+    """When a loss has stopped falling; see `re3.training.plateau`.
+
+    Attributes:
+        window: iterations whose mean loss is compared with that of others.
+        improvement: a window is better if its mean is below the best one by this share of it.
+        patience: windows in a row without being better, after which it is a plateau.
+    """
+
+    window: int = 200
+    improvement: float = 0.01
+    patience: int = 3
+
+    def __post_init__(self) -> None:
+        if self.window < 1 or self.patience < 1 or not 0 <= self.improvement < 1:
+            raise ValueError(
+                f"{self} is not usable; expected window and patience of 1 or more, and an "
+                "improvement from 0 to below 1"
             )
 
 
@@ -88,33 +112,54 @@ class Recipe:
 
     Attributes:
         phases: the curriculum, in order.
-        learning_rate, final_learning_rate: cosine from the first to the second over all phases.
+        plateau: when a phase gives way to the next before its iterations are up; None for a fixed
+            schedule, each phase exactly as long as it says.
+        learning_rate, final_learning_rate: from the first to the second; see `rate_at`.
+        drop_at: iteration at which the rate drops to the final one at once, as in the paper; None
+            for a cosine over the whole run.
         warm_up: iterations over which the rate rises from nothing.
-        weight_decay: of AdamW.
-        gradient_norm: gradients are clipped to this norm.
-        average: decay per iteration of the weight average that is validated and exported.
+        weight_decay: of AdamW; without any it is Adam.
+        gradient_norm: gradients are clipped to this norm; None does not clip.
+        average: decay per iteration of the weight average that is validated and exported; 0 takes
+            the weights as they are.
         seed: of weights, data and noise.
         passes: times each roll-out is learnt from. Roll-outs cost more than gradients where the
             trunk is frozen; a few passes give more steps of the optimiser in the same time.
         parts: steps of the optimiser in a pass, each on its share of the sequences.
+        learn_trunk: the pretrained trunk is updated as well; otherwise it is frozen.
+        learns: parts of the head that learn, such as ("score",); all of them where none is named.
     """
 
     phases: tuple[Phase, ...]
+    plateau: PlateauRule | None = None
     learning_rate: float = 1e-3
     final_learning_rate: float = 1e-5
+    drop_at: int | None = None
     warm_up: int = 100
     weight_decay: float = 1e-4
-    gradient_norm: float = 2.0
+    gradient_norm: float | None = 2.0
     average: float = 0.998
     seed: int = 0
     passes: int = 1
     parts: int = 1
+    learn_trunk: bool = False
+    learns: tuple[str, ...] = ()
     noise: CropNoise = CropNoise()
     loss: LossWeights = LossWeights()
 
     def __post_init__(self) -> None:
         if self.passes < 1:
             raise ValueError(f"passes is {self.passes}; expected 1 or more")
+        if not 0 < self.final_learning_rate <= self.learning_rate:
+            raise ValueError(
+                f"learning rates {self.learning_rate} to {self.final_learning_rate}; expected the "
+                "final one above 0 and not above the first"
+            )
+        if not 0 <= self.average < 1 or self.seed < 0:
+            raise ValueError(
+                f"average is {self.average} and seed {self.seed}; expected an average from 0 to "
+                "below 1 and a seed of 0 or more"
+            )
         for phase in self.phases:
             if self.parts < 1 or phase.batch % self.parts:
                 raise ValueError(
@@ -127,18 +172,59 @@ class Recipe:
         return sum(phase.iterations for phase in self.phases)
 
     def phase_at(self, iteration: int) -> tuple[int, Phase]:
-        """Index and phase of an iteration; raises IndexError past the end."""
+        """Index and phase of an iteration by the fixed schedule; IndexError past the end."""
         for index, phase in enumerate(self.phases):
             if iteration < phase.iterations:
                 return index, phase
             iteration -= phase.iterations
         raise IndexError(f"the recipe ends after {self.iterations} iterations")
 
+    def rate_at(self, iteration: int) -> float:
+        """The learning rate of an iteration."""
+        if self.drop_at is None:
+            share = iteration / max(1, self.iterations)
+            span = self.learning_rate - self.final_learning_rate
+            rate = self.final_learning_rate + span * 0.5 * (1 + math.cos(math.pi * share))
+        else:
+            rate = self.learning_rate if iteration < self.drop_at else self.final_learning_rate
+        return rate * min(1.0, (iteration + 1) / max(1, self.warm_up))
+
     def scaled(self, factor: float) -> Recipe:
         """The same curriculum with so many times the iterations."""
         phases = (replace(p, iterations=round(p.iterations * factor)) for p in self.phases)
-        return replace(self, phases=tuple(phases))
+        drop_at = None if self.drop_at is None else round(self.drop_at * factor)
+        return replace(self, phases=tuple(phases), drop_at=drop_at)
 
+
+PAPER = Recipe(
+    phases=(
+        Phase(unroll=2, batch=64, own=0.0, iterations=40_000),
+        Phase(unroll=4, batch=32, own=0.25, iterations=40_000),
+        Phase(unroll=8, batch=16, own=0.5, iterations=40_000),
+        Phase(unroll=16, batch=8, own=0.75, iterations=40_000),
+        Phase(unroll=32, batch=4, own=0.75, iterations=40_000),
+    ),
+    plateau=PlateauRule(window=500),
+    learning_rate=1e-5,
+    final_learning_rate=1e-6,
+    drop_at=10_000,
+    warm_up=0,
+    weight_decay=0.0,
+    gradient_norm=None,
+    average=0.0,
+    learn_trunk=True,
+    noise=CropNoise(
+        drift=0.0, drift_scale=0.0, jump=1 / 5, jump_scale=1 / 15, jumps=1.0, jumps_own=0.0, blind=0
+    ),
+    loss=LossWeights(corners=1.0, overlap=0.0, heat=0.0, score=0.0, hidden=1.0),
+)
+"""The paper's (sec. III-B and III-C): L1 on the corners alone; Adam at 1e-5, from iteration 10,000
+on at 1e-6, to about 200,000; unrolls double and batches halve when the loss plateaus; all layers
+learn and nothing is clipped. The paper does not say what a plateau is, nor how long a phase lasts
+at most: both are ours. The Laplace noise is that of the authors' published code
+(github.com/danielgordon10/re3-tensorflow, training/tf_dataset.py), here on every crop at the truth.
+The score is not learnt: the paper has none. Gradients of all layers for 192 crops at once take the
+memory of a GPU."""
 
 FROZEN_TRUNK = Recipe(
     # The paper's curriculum: unrolls double and batches halve, own predictions at 0 to .75.
@@ -150,4 +236,8 @@ FROZEN_TRUNK = Recipe(
         Phase(unroll=32, batch=4, own=0.75, iterations=300),
     ),
 )
-"""For a head on a frozen trunk, two hours or so on two cores."""
+"""For a head on a frozen trunk, two hours or so on two cores: a hundred times the paper's rate,
+falling along a cosine, losses of box and heat maps beside L1, and an average of the weights."""
+
+RECIPES = {"frozen-trunk": FROZEN_TRUNK, "paper": PAPER}
+"""The recipes by name."""

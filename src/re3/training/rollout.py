@@ -21,7 +21,8 @@ from re3.data.clip import Clip
 from re3.geometry import Floats
 from re3.model_spec import CropSpec
 from re3.network.re3_lite import Features, LiteHead
-from re3.training.features import FrozenTrunk
+from re3.training.draws import Draws
+from re3.training.features import Trunk
 from re3.training.recipe import CropNoise
 
 HIDDEN = 0.2
@@ -43,7 +44,8 @@ class Rollout:
     """All steps of a batch of tracks, step-major `[steps * N, ...]`.
 
     Attributes:
-        crops: trunk maps of the current crops.
+        images: the current crops, uint8 `[steps * N, S, S, 3]` BGR.
+        crops: their trunk maps.
         looked: `[steps * N, 4]`, the box of the frame before that each crop was cut about, in the
             crop of the step before, regression units; 0 for the first step.
         targets: `[steps * N, 4]` true corners in regression units; 0 where there are none.
@@ -54,6 +56,7 @@ class Rollout:
         put_back: share of own predictions that had to be put back on the truth.
     """
 
+    images: NDArray[np.uint8]
     crops: Features
     looked: Tensor
     targets: Tensor
@@ -68,6 +71,7 @@ class Rollout:
         rows = torch.from_numpy((np.arange(self.steps)[:, None] * batch + sequences).reshape(-1))
         return replace(
             self,
+            images=self.images[rows.numpy()],
             crops=_pick(self.crops, rows),
             looked=self.looked[rows],
             targets=self.targets[rows],
@@ -80,9 +84,9 @@ def roll_out(
     clips: Several[Clip],
     own: NDArray[np.bool_],
     head: LiteHead,
-    trunk: FrozenTrunk,
+    trunk: Trunk,
     noise: CropNoise,
-    rng: np.random.Generator,
+    rng: Draws,
     pool: Executor,
 ) -> Rollout:
     """Walk the clips from their first frame to their last.
@@ -91,7 +95,7 @@ def roll_out(
         clips: N clips of equal length; the object is present in the first frame.
         own: `[N]`, True where crops are cut at the network's own predictions.
         head: decides where it looks next.
-        trunk: of the network.
+        trunk: of the network, on the head's device.
         noise: disturbance of the crops.
         rng: source of the noise.
         pool: cuts crops in parallel.
@@ -103,7 +107,9 @@ def roll_out(
     objects, steps = truth.shape[:2]
     boxes = truth[:, 0].copy()
     stays = rng.random(objects) < noise.stay_lost
-    state = head.zero_state(objects)
+    device = next(head.parameters()).device
+    state = head.zero_state(objects, device)
+    images: list[NDArray[np.uint8]] = []
     maps: list[Features] = []
     looked: list[Floats] = []
     targets, has_box, put_back = [], [], 0
@@ -118,7 +124,8 @@ def roll_out(
         known = np.where(leapt[:, None], boxes, about)
         looked.append(geometry.encode(known, regions) if t else np.zeros((objects, 4)))
         regions = new_regions
-        maps.append(trunk(_crops(clips, t, regions, config.current.size, pool)))
+        images.append(_crops(clips, t, regions, config.current.size, pool))
+        maps.append(trunk(images[-1]))
 
         target = geometry.encode(truth[:, t], regions)
         centre = (target[:, :2] + target[:, 2:]) / 2 / geometry.REGRESSION_SCALE
@@ -135,17 +142,18 @@ def roll_out(
         if own.any() and t < steps - 1:
             with torch.no_grad():
                 if embedding is not None:
-                    at = torch.from_numpy(looked[-1]).float()
+                    at = torch.from_numpy(looked[-1]).float().to(device)
                     state = state._replace(view=head.view(embedding, at))
                 embedding = head.embedding(maps[-1])
                 output, state = head(embedding, state)
             if t == 0:
                 continue  # the box given is the first result
-            predicted = geometry.decode(output.corners.numpy(), regions)
+            predicted = geometry.decode(output.corners.float().cpu().numpy(), regions)
             usable = own & (_usable(predicted, truth[:, t], centre) | (stays & _sane(predicted)))
             put_back += int((own & ~usable).sum())
             boxes = np.where(usable[:, None], predicted, boxes)
     return Rollout(
+        images=np.concatenate(images),
         crops=_stack(maps),
         looked=torch.from_numpy(np.concatenate(looked)).float(),
         targets=torch.from_numpy(np.concatenate(targets)).float(),
@@ -161,7 +169,7 @@ def _regions(
     own: NDArray[np.bool_],
     t: int,
     noise: CropNoise,
-    rng: np.random.Generator,
+    rng: Draws,
     crop: CropSpec,
 ) -> tuple[Floats, Floats]:
     """Boxes `[N, 4]` of the frame before as the tracker might have them, and regions to crop."""

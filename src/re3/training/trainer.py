@@ -1,56 +1,41 @@
-"""The training loop: roll out, learn, average, checkpoint."""
+"""The training loop: roll out, learn, average, checkpoint (Re3, sec. III-B and III-C)."""
 
 from __future__ import annotations
 
 import copy
 import math
-import os
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from contextlib import nullcontext
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from torch.utils.tensorboard import SummaryWriter
+from torch.nn.utils import convert_conv2d_weight_memory_format
 
 from re3.data.sampling import ClipSampler
 from re3.network.re3_lite import Re3Lite
-from re3.training.features import FrozenTrunk
-from re3.training.loss import Losses, tracking_loss
-from re3.training.recipe import Recipe
+from re3.training.average import update_average
+from re3.training.batches import Batches
+from re3.training.checkpoint import load, save_whole
+from re3.training.curriculum import Curriculum
+from re3.training.device import Device
+from re3.training.distributed import ALONE, Processes, check_shares
+from re3.training.errors import TrainingError
+from re3.training.failure import failure_path, save_failure
+from re3.training.features import FrozenTrunk, TorchTrunk, Trunk
+from re3.training.recipe import Phase, Recipe
+from re3.training.records import Progress, Records
 from re3.training.rollout import Rollout, roll_out
+from re3.training.step import Learner, Learnt, NotFinite, choose_parts
+
+__all__ = ["BEST", "CHECKPOINT", "Progress", "Trainer", "TrainingError", "Validate"]
 
 CHECKPOINT = "checkpoint.pt"
 BEST = "best.pt"
-
-
-class TrainingError(RuntimeError):
-    """Training cannot go on; the message says why and what was kept."""
-
-
-@dataclass(frozen=True)
-class Progress:
-    """What the trainer reports after an iteration.
-
-    Attributes:
-        iteration, iterations: done and in all.
-        phase: index into the recipe's phases.
-        unroll: steps after the initialisation frame.
-        loss: of this batch.
-        overlap: mean IoU of this batch where there was a true box.
-        pairs_per_second: crop pairs learnt from, since the start of this run.
-    """
-
-    iteration: int
-    iterations: int
-    phase: int
-    unroll: int
-    loss: float
-    overlap: float
-    pairs_per_second: float
 
 
 Validate = Callable[[Re3Lite], dict[str, float]]
@@ -58,17 +43,27 @@ Validate = Callable[[Re3Lite], dict[str, float]]
 
 
 class Trainer:
-    """Trains the head of a network on a frozen trunk.
+    """Trains a network: its head on a frozen trunk, or all of it, as the recipe says.
 
-    Every batch is drawn from a generator seeded by the recipe's seed and the iteration, so that
-    a resumed run sees what an uninterrupted one would have seen.
+    A run that is killed and resumed learns what an uninterrupted one would have learnt, and several
+    processes together what one would.
 
     Args:
         network: trained in place.
         sampler: of the clips.
         recipe: curriculum and optimiser.
-        folder: of the run: checkpoints and TensorBoard events; resumed if it has a checkpoint.
-        threads: of ONNX Runtime and torch.
+        folder: of the run: checkpoints, log and TensorBoard events; resumed if it has a checkpoint.
+        threads: of ONNX Runtime and torch, in this process.
+        device: to compute on; clips are drawn and cut on the CPU.
+        processes: that train together, each with its share of every batch.
+
+    Attributes:
+        average: the mean of the weights that is validated and exported; see `result`.
+        iteration: how many are done.
+        earlier_recipe: as a dictionary, of the checkpoint that the run was resumed from, or None.
+
+    Raises:
+        TrainingError: the checkpoint found is of another model, or the processes are too many.
     """
 
     def __init__(
@@ -78,25 +73,42 @@ class Trainer:
         recipe: Recipe,
         folder: str | Path,
         threads: int = 2,
+        device: Device | None = None,
+        processes: Processes = ALONE,
     ) -> None:
         torch.set_num_threads(threads)
-        self.network, self.sampler, self.recipe = network, sampler, recipe
+        check_shares(recipe, processes)
+        self.recipe, self.processes = recipe, processes
         self.folder = Path(folder)
         self.folder.mkdir(parents=True, exist_ok=True)
+        self.device = device or Device()
+        # Batch normalisation keeps its statistics: batches are small, their crops alike.
+        self.network = network.to(self.device.torch).eval()
+        network.trunk.requires_grad_(recipe.learn_trunk)
+        choose_parts(network.head, recipe.learns)
         # Convolutions learn a quarter faster with the channels last.
-        network.head.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-        self.trunk = FrozenTrunk(network, network.config.current.size, threads)
-        self.average = copy.deepcopy(network).eval()
+        convert_conv2d_weight_memory_format(network.head, torch.channels_last)
+        self.average = copy.deepcopy(network)
         self.optimizer = torch.optim.AdamW(
-            network.head.parameters(),
+            [p for p in network.parameters() if p.requires_grad],
             lr=recipe.learning_rate,
             weight_decay=recipe.weight_decay,
         )
+        self.curriculum = Curriculum(recipe)
         self.iteration = 0
         self.best = -math.inf
+        self.earlier_recipe: dict[str, Any] | None = None
+        self._seconds: dict[str, float] = {}
         self._pool = ThreadPoolExecutor(threads)
+        self._batches = Batches(sampler, recipe.seed, processes, self._pool)
+        self._learner = Learner(network, recipe, self.optimizer, self.device, processes)
         if (self.folder / CHECKPOINT).exists():
             self._resume()
+        self.trunk: Trunk
+        if recipe.learn_trunk or self.device.kind == "cuda":
+            self.trunk = TorchTrunk(network, self.device)
+        else:
+            self.trunk = FrozenTrunk(network, network.config.current.size, threads)
 
     def train(
         self,
@@ -104,37 +116,39 @@ class Trainer:
         validate: Validate | None = None,
         checkpoint_seconds: float = 180.0,
         validation_seconds: float = 900.0,
+        stop: Callable[[], bool] = lambda: False,
     ) -> None:
         """Run to the end of the recipe.
 
         Args:
             report: called after each iteration.
-            validate: called with the averaged network every so many seconds and at the end;
-                the best weights by its first figure are kept as `best.pt`.
+            validate: called with the averaged network every so many seconds, after each phase and
+                at the end; the best weights by its first figure are kept as `best.pt`.
             checkpoint_seconds, validation_seconds: time between two of each.
+            stop: asked before each iteration; once it says so, a checkpoint is written, and that
+                is all.
 
         Raises:
-            TrainingError: the loss is not finite; the last checkpoint is kept.
+            TrainingError: a loss or a gradient is not finite; the batch and the last checkpoint
+                are kept.
         """
-        events = SummaryWriter(str(self.folder), purge_step=self.iteration)
         started = saved = validated = time.monotonic()
-        pairs = 0
-        try:
+        pairs, first = 0, self.processes.first
+        with Records(self.folder, self.iteration) if first else nullcontext() as records:
             while self.iteration < self.recipe.iterations:
-                index, phase = self.recipe.phase_at(self.iteration)
+                if self.processes.any(stop()):
+                    self.save()
+                    return
+                index, phase = self.curriculum.index, self.curriculum.phase
                 rate = self._set_rate()
-                losses, rollout = self._step(phase.unroll + 1, phase.batch, phase.own)
+                learnt = self._step(phase)
                 self.iteration += 1
-                pairs += len(rollout.targets)
-                overlap = losses.mean_overlap
-                if self.iteration % 10 == 0:
-                    for name, value in losses.parts.items():
-                        events.add_scalar(f"loss/{name}", value, self.iteration)
-                    events.add_scalar("overlap", overlap, self.iteration)
-                    events.add_scalar("put back", rollout.put_back, self.iteration)
-                    events.add_scalar("learning rate", rate, self.iteration)
-                    events.add_scalar("unroll", phase.unroll, self.iteration)
+                moved = self.curriculum.advance(self.iteration, learnt.losses.value)
+                if records is None:
+                    continue
+                records.iteration(self.iteration, phase, learnt, rate, self._seconds)
                 now = time.monotonic()
+                pairs += phase.batch * (phase.unroll + 1)
                 if report is not None:
                     report(
                         Progress(
@@ -142,116 +156,142 @@ class Trainer:
                             self.recipe.iterations,
                             index,
                             phase.unroll,
-                            losses.total.item(),
-                            overlap,
+                            learnt.losses.value,
+                            learnt.losses.mean_overlap,
                             pairs / (now - started),
                         )
                     )
                 done = self.iteration == self.recipe.iterations
+                due = done or moved or now - validated > validation_seconds
+                if validate is not None and due:
+                    records.validation(self.iteration, self._validate(validate))
+                    validated = time.monotonic()
+                # After the validation, or a run killed during its last one would never have it.
                 if done or now - saved > checkpoint_seconds:
                     self.save()
                     saved = time.monotonic()
-                if validate is not None and (done or now - validated > validation_seconds):
-                    for name, value in self._validate(validate).items():
-                        events.add_scalar(f"validation/{name}", value, self.iteration)
-                    validated = time.monotonic()
-        finally:
-            events.close()
 
-    def _step(self, steps: int, batch: int, own: float) -> tuple[Losses, Rollout]:
-        head = self.network.head
-        seeds = np.random.SeedSequence([self.recipe.seed, self.iteration]).spawn(batch + 1)
-        rng = np.random.default_rng(seeds[0])
-        clips = list(
-            self._pool.map(
-                lambda seed: self.sampler.sample(steps, np.random.default_rng(seed)), seeds[1:]
+    def _step(self, phase: Phase) -> Learnt:
+        """Draw clips, walk them, learn from all their steps."""
+        started = time.monotonic()
+        batch = self._batches.get(self.iteration, phase)
+        drawn = time.monotonic()
+        with self.device.autocast():
+            rollout = roll_out(
+                batch.clips,
+                batch.own,
+                self.network.head,
+                self.trunk,
+                self.recipe.noise,
+                batch.draws,
+                self._pool,
             )
-        )
-        rollout = roll_out(
-            clips, rng.random(batch) < own, head, self.trunk, self.recipe.noise, rng, self._pool
-        )
+        if self.iteration + 1 < self.recipe.iterations:
+            self._batches.prepare(self.iteration + 1, phase)
+        walked = time.monotonic()
+        learnt = self._learn_in_parts(rollout, batch.rng)
+        self._seconds = {
+            "clips": drawn - started,
+            "roll_out": walked - drawn,
+            "learn": time.monotonic() - walked,
+        }
+        return learnt
+
+    def _learn_in_parts(self, rollout: Rollout, rng: np.random.Generator) -> Learnt:
+        """All passes over a roll-out; parts are drawn within each process's share."""
         if self.recipe.passes == self.recipe.parts == 1:
-            return self._learn(rollout), rollout
+            return self._learn(rollout)
+        share = len(rollout.targets) // rollout.steps
         for _ in range(self.recipe.passes):
-            for sequences in np.split(rng.permutation(batch), self.recipe.parts):
-                losses = self._learn(rollout.part(sequences))
-        return losses, rollout
+            for sequences in np.split(rng.permutation(share), self.recipe.parts):
+                learnt = self._learn(rollout.part(sequences))
+        return learnt
 
-    def _learn(self, rollout: Rollout) -> Losses:
+    def _learn(self, rollout: Rollout) -> Learnt:
         """One step of the optimiser."""
-        head = self.network.head
-        output = head.unroll(rollout.crops, rollout.looked, rollout.steps)
-        losses = tracking_loss(
-            output, rollout.targets, rollout.has_box, rollout.hidden, self.recipe.loss
-        )
-        if not torch.isfinite(losses.total):
+        try:
+            learnt = self._learner.learn(rollout)
+        except NotFinite as error:
+            path = failure_path(self.folder, self.iteration, self.processes.rank)
+            save_failure(path, error, self.network, self.recipe, self.iteration)
             raise TrainingError(
-                f"the loss is {losses.total.item()} at iteration {self.iteration}; the last "
-                f"checkpoint in {self.folder} is kept: resume from it with a lower learning rate"
-            )
-        self.optimizer.zero_grad(set_to_none=True)
-        losses.total.backward()
-        torch.nn.utils.clip_grad_norm_(head.parameters(), self.recipe.gradient_norm)
-        self.optimizer.step()
-        self._update_average()
-        return losses
+                f"{error} at iteration {self.iteration}, in phase {self.curriculum.index + 1} of "
+                f"{len(self.recipe.phases)}; the batch is in {path}. The last checkpoint in "
+                f"{self.folder} is kept: resume from it with a lower learning rate"
+            ) from error
+        update_average(self.average, self.network, self.recipe.average, self.iteration)
+        return learnt
 
     def _set_rate(self) -> float:
-        recipe = self.recipe
-        share = self.iteration / max(1, recipe.iterations)
-        span = recipe.learning_rate - recipe.final_learning_rate
-        rate = recipe.final_learning_rate + span * 0.5 * (1 + math.cos(math.pi * share))
-        rate *= min(1.0, (self.iteration + 1) / max(1, recipe.warm_up))
+        rate = self.recipe.rate_at(self.iteration)
         for group in self.optimizer.param_groups:
             group["lr"] = rate
         return rate
 
-    def _update_average(self) -> None:
-        # Early on the average must not remember the initialisation.
-        decay = min(self.recipe.average, (1 + self.iteration) / (10 + self.iteration))
-        with torch.no_grad():
-            for mean, value in zip(
-                self.average.head.parameters(), self.network.head.parameters(), strict=True
-            ):
-                mean.lerp_(value, 1 - decay)
+    @property
+    def result(self) -> Re3Lite:
+        """The averaged network, on the CPU, to be validated and exported."""
+        return self.average if self.device.kind == "cpu" else copy.deepcopy(self.average).cpu()
+
+    def best_network(self) -> Re3Lite | None:
+        """The averaged network with the best validation, on the CPU; None without any."""
+        path = self.folder / BEST
+        if not path.exists():
+            return None
+        best = copy.deepcopy(self.result)
+        best.load_state_dict(load(path)["network"])
+        return best
 
     def _validate(self, validate: Validate) -> dict[str, float]:
-        figures = validate(self.average)
+        figures = validate(self.result)
         first = next(iter(figures.values()))
         if first > self.best:
             self.best = first
-            _save({"network": self.average.state_dict(), "figures": figures}, self.folder / BEST)
+            save_whole(
+                {
+                    "network": self.average.state_dict(),
+                    "figures": figures,
+                    "iteration": self.iteration,
+                },
+                self.folder / BEST,
+            )
         return figures
 
     def save(self) -> None:
         """Write the checkpoint; a crash leaves either the old one or the new one."""
-        _save(
-            {
-                "network": self.network.state_dict(),
-                "average": self.average.state_dict(),
-                "optimizer": self.optimizer.state_dict(),
-                "iteration": self.iteration,
-                "best": self.best,
-            },
-            self.folder / CHECKPOINT,
-        )
+        if self.processes.first:
+            save_whole(self._state(), self.folder / CHECKPOINT)
+
+    def _state(self) -> dict[str, Any]:
+        # Where in the data training is follows from the seed and the iteration.
+        return {
+            "network": self.network.state_dict(),
+            "average": self.average.state_dict(),
+            "optimizer": self.optimizer.state_dict(),
+            "scaler": self._learner.scaler.state_dict(),
+            "curriculum": self.curriculum.state(),
+            "iteration": self.iteration,
+            "torch_rng": torch.get_rng_state(),
+            "recipe": asdict(self.recipe),
+        }
 
     def _resume(self) -> None:
         path = self.folder / CHECKPOINT
         try:
-            values = torch.load(path, weights_only=True)
+            values = load(path, str(self.device.torch))
             self.network.load_state_dict(values["network"])
             self.average.load_state_dict(values["average"])
             self.optimizer.load_state_dict(values["optimizer"])
-            self.iteration, self.best = values["iteration"], values["best"]
+            if values["scaler"]:  # of a GPU
+                self._learner.scaler.load_state_dict(values["scaler"])
+            self.iteration = values["iteration"]
+            self.curriculum.restore(values["curriculum"], self.iteration)
+            torch.set_rng_state(values["torch_rng"].cpu())
+            self.earlier_recipe = values["recipe"]
+            best = self.folder / BEST
+            self.best = next(iter(load(best)["figures"].values())) if best.exists() else -math.inf
         except (KeyError, RuntimeError, ValueError) as error:
             raise TrainingError(
                 f"{path} does not fit this model ({error}); "
                 "train into another folder with --out, or remove it"
             ) from error
-
-
-def _save(values: dict[str, Any], path: Path) -> None:
-    partial = path.with_suffix(f".{os.getpid()}.partial")
-    torch.save(values, partial)
-    partial.replace(path)

@@ -1,0 +1,82 @@
+"""The batches of a run, drawn from the recipe's seed, the iteration and the place in the batch.
+
+So a resumed run sees what an uninterrupted one would have seen, and processes that share batches
+see together what one would.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from re3.data.clip import Clip
+from re3.data.sampling import ClipSampler
+from re3.training.distributed import Processes
+from re3.training.draws import SequenceDraws
+from re3.training.recipe import Phase
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """This process's share of a batch.
+
+    Attributes:
+        clips: N clips of the phase's unroll and the initialisation frame.
+        own: `[N]`, True where crops are to be cut at own predictions.
+        draws: the noise of the N sequences.
+        rng: for what concerns the batch as a whole; the same in every process.
+    """
+
+    clips: list[Clip]
+    own: NDArray[np.bool_]
+    draws: SequenceDraws
+    rng: np.random.Generator
+
+
+class Batches:
+    """Draws batches, the next one while this one is learnt from.
+
+    Args:
+        sampler: of the clips.
+        seed: of the recipe.
+        processes: that share every batch.
+        pool: draws clips in parallel.
+    """
+
+    def __init__(
+        self, sampler: ClipSampler, seed: int, processes: Processes, pool: Executor
+    ) -> None:
+        self.sampler, self.seed, self.processes, self.pool = sampler, seed, processes, pool
+        self._ahead: tuple[int, Phase, list[Future[Clip]]] | None = None
+
+    def prepare(self, iteration: int, phase: Phase) -> None:
+        """Begin to draw the clips of an iteration, if it comes to be of this phase."""
+        self._ahead = iteration, phase, self._begin(iteration, phase)
+
+    def get(self, iteration: int, phase: Phase) -> Batch:
+        """The batch of an iteration; waits for its clips."""
+        ahead, self._ahead = self._ahead, None
+        if ahead is not None and ahead[:2] == (iteration, phase):
+            futures = ahead[2]
+        else:
+            for future in ahead[2] if ahead is not None else ():
+                future.cancel()
+            futures = self._begin(iteration, phase)
+        seeds, share = self._seeds(iteration, phase)
+        rng = np.random.default_rng(seeds[0])
+        own = (rng.random(phase.batch) < phase.own)[share]
+        draws = SequenceDraws([np.random.default_rng(s.spawn(2)[1]) for s in seeds[1:][share]])
+        return Batch([future.result() for future in futures], own, draws, rng)
+
+    def _begin(self, iteration: int, phase: Phase) -> list[Future[Clip]]:
+        seeds, share = self._seeds(iteration, phase)
+        rngs = [np.random.default_rng(seed.spawn(2)[0]) for seed in seeds[1:][share]]
+        return [self.pool.submit(self.sampler.sample, phase.unroll + 1, rng) for rng in rngs]
+
+    def _seeds(self, iteration: int, phase: Phase) -> tuple[list[np.random.SeedSequence], slice]:
+        """Seeds of the whole batch and of each sequence, and which are this process's."""
+        seeds = np.random.SeedSequence([self.seed, iteration]).spawn(phase.batch + 1)
+        return seeds, self.processes.share(phase.batch)

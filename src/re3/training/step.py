@@ -1,0 +1,169 @@
+"""One step of the optimiser: the pass with gradients over all steps of a roll-out at once."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+from torch.nn.parallel import DistributedDataParallel
+
+from re3.network.re3_lite import Features, LiteHead, LiteOutput, Re3Lite
+from re3.training.device import Device
+from re3.training.distributed import Processes
+from re3.training.errors import TrainingError
+from re3.training.loss import Losses, tracking_loss
+from re3.training.recipe import Recipe
+from re3.training.rollout import Rollout
+
+
+@dataclass(frozen=True, eq=False)
+class Learnt:
+    """What a step of the optimiser saw and did.
+
+    Attributes:
+        rollout: what it learnt from.
+        corners: `[steps * N, 4]`, predicted, on the CPU.
+        losses: before the step.
+        gradient_norm: before clipping.
+    """
+
+    rollout: Rollout
+    corners: Tensor
+    losses: Losses
+    gradient_norm: float
+
+
+class NotFinite(ArithmeticError):
+    """A loss or a gradient that is not a finite number; nothing was changed.
+
+    Attributes:
+        rollout, corners, losses: as in `Learnt`.
+    """
+
+    def __init__(self, what: str, rollout: Rollout, corners: Tensor, losses: Losses) -> None:
+        super().__init__(what)
+        self.rollout, self.corners, self.losses = rollout, corners, losses
+
+
+class Learner:
+    """Takes steps of the optimiser.
+
+    Args:
+        network: on the device; trained in place.
+        recipe: of the loss and the optimiser.
+        optimizer: of all parameters of the network that need gradients.
+        device: to compute on.
+        processes: that share every batch.
+    """
+
+    def __init__(
+        self,
+        network: Re3Lite,
+        recipe: Recipe,
+        optimizer: torch.optim.Optimizer,
+        device: Device,
+        processes: Processes,
+    ) -> None:
+        self.network, self.recipe, self.optimizer = network, recipe, optimizer
+        self.device, self.processes = device, processes
+        self.scaler = device.scaler()
+        self.unroll: nn.Module = _Unroll(network)
+        if processes.count > 1:
+            self.unroll = DistributedDataParallel(self.unroll)
+
+    def learn(self, rollout: Rollout) -> Learnt:
+        """One step of the optimiser from this process's share of a batch.
+
+        Raises:
+            NotFinite: the loss or the gradient is not finite; in every process alike. A gradient
+                that only the scaling of a float16 loss has made infinite passes: such a step is
+                left out, and the next loss is scaled less.
+        """
+        device = self.device.torch
+        crops = torch.from_numpy(rollout.images) if self.recipe.learn_trunk else rollout.crops
+        with self.device.autocast():
+            half = self.unroll(_to(crops, device), rollout.looked.to(device), rollout.steps)
+        output = LiteOutput(*(values.float() for values in half))
+        losses = tracking_loss(
+            output,
+            rollout.targets.to(device),
+            rollout.has_box.to(device),
+            rollout.hidden.to(device),
+            self.recipe.loss,
+            self.processes,
+        )
+        corners = output.corners.detach().cpu()
+        if not math.isfinite(losses.value):
+            raise NotFinite(_where(losses, corners, rollout.steps), rollout, corners, losses)
+        self.optimizer.zero_grad(set_to_none=True)
+        self.scaler.scale(losses.total).backward()
+        self.scaler.unscale_(self.optimizer)
+        norm = self._clip()
+        if not math.isfinite(norm) and not self.scaler.is_enabled():
+            raise NotFinite(self._bad_gradients(norm), rollout, corners, losses)
+        self.scaler.step(self.optimizer)
+        self.scaler.update()
+        return Learnt(rollout, corners, losses, norm)
+
+    def _clip(self) -> float:
+        limit = math.inf if self.recipe.gradient_norm is None else self.recipe.gradient_norm
+        learnt = [p for p in self.network.parameters() if p.requires_grad]
+        return float(torch.nn.utils.clip_grad_norm_(learnt, limit))
+
+    def _bad_gradients(self, norm: float) -> str:
+        names = [
+            name
+            for name, parameter in self.network.named_parameters()
+            if parameter.grad is not None and not parameter.grad.isfinite().all()
+        ]
+        return f"the norm of the gradient is {norm}, not finite in {', '.join(names[:3])}"
+
+
+def choose_parts(head: LiteHead, learns: tuple[str, ...]) -> None:
+    """Let only some parts of the head learn; all of them where none is named.
+
+    Raises:
+        TrainingError: it has no such part.
+    """
+    parts = dict(head.named_children())
+    if unknown := sorted(set(learns) - parts.keys()):
+        raise TrainingError(
+            f"the recipe's `learns` names {', '.join(unknown)}; expected parts of the head: "
+            f"{', '.join(sorted(parts))}"
+        )
+    for name, part in parts.items():
+        part.requires_grad_(not learns or name in learns)
+
+
+class _Unroll(nn.Module):
+    """The network over all steps, as one module: what DistributedDataParallel wraps."""
+
+    def __init__(self, network: Re3Lite) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, crops: Features | Tensor, looked: Tensor, steps: int) -> LiteOutput:
+        """From trunk maps, or from uint8 crops where the trunk learns as well."""
+        maps = self.network.features(crops) if isinstance(crops, Tensor) else crops
+        return self.network.head.unroll(maps, looked, steps)
+
+
+def _to(crops: Features | Tensor, device: torch.device) -> Features | Tensor:
+    if isinstance(crops, Tensor):
+        return crops.to(device)
+    at4, at8, at16 = crops
+    return at4.to(device), at8.to(device), at16.to(device)
+
+
+def _where(losses: Losses, corners: Tensor, steps: int) -> str:
+    """What is not finite, and in which sequence and step first."""
+    terms = [name for name, value in losses.parts.items() if not math.isfinite(value)]
+    text = f"the loss is {losses.value}: not finite in {', '.join(terms) or 'the sum'}"
+    bad = (~corners.isfinite().all(dim=1)).nonzero()
+    if len(bad):
+        step, sequence = divmod(int(bad[0]), len(corners) // steps)
+        text += f", and the corners of {len(bad)} of {len(corners)} crops, first of step {step} of"
+        text += f" sequence {sequence}"
+    return text
