@@ -60,12 +60,51 @@ def test_the_format_may_be_named_and_datasets_left_out(data):
     assert list(found(_sampler([data], {"OTB"}, None))) == [("mine", "duck")]
 
 
+def test_clips_beside_stills_are_not_lost(data):
+    clip(data, "loose", data / "loose.txt")
+    sampler = _sampler([data], set(), None)
+    assert set(found(sampler)) == {("OTB", "Bolt"), ("mine", "duck"), ("data", "loose")}
+    assert len(sampler.stills) == 1
+
+
+def test_stills_of_other_formats_are_found_and_may_be_named(data):
+    (data / "yolo" / "images").mkdir(parents=True)
+    (data / "yolo" / "labels").mkdir()
+    cv2.imwrite(str(data / "yolo" / "images" / "b.png"), np.zeros((48, 64, 3), np.uint8))
+    (data / "yolo" / "labels" / "b.txt").write_text("0 0.5 0.5 0.5 0.5\n")
+    sampler = _sampler([data], set(), None)
+    assert {still.dataset for still in sampler.stills} == {"stills", "yolo"}
+    assert len(sampler.sequences) == 2
+    (named,) = _sampler([data], set(), "yolo").stills
+    assert named.dataset == "yolo"
+    assert {s.dataset for s in _sampler([data], {"yolo"}, None).stills} == {"stills"}
+
+
+def test_videos_and_stills_of_imagenet_may_share_a_folder(tmp_path):
+    inner = tmp_path / "ILSVRC" / "Data"
+    for name in ("VID/train/a/000000.JPEG", "VID/train/a/000001.JPEG", "DET/train/b.JPEG"):
+        (inner / name).parent.mkdir(parents=True, exist_ok=True)
+        _, encoded = cv2.imencode(".jpg", np.zeros((48, 64, 3), np.uint8))
+        (inner / name).write_bytes(encoded.tobytes())
+        text = tmp_path / "ILSVRC" / "Annotations" / name.replace("JPEG", "xml")
+        text.parent.mkdir(parents=True, exist_ok=True)
+        text.write_text(
+            "<annotation><size><width>64</width><height>48</height></size><object>"
+            "<trackid>0</trackid><name>dog</name><occluded>0</occluded><generated>0</generated>"
+            "<bndbox><xmin>5</xmin><ymin>6</ymin><xmax>24</xmax><ymax>25</ymax></bndbox>"
+            "</object></annotation>"
+        )
+    sampler = _sampler([tmp_path], set(), None)
+    assert [s.dataset for s in sampler.sequences] == ["ILSVRC-train"]
+    assert [still.image.name for still in sampler.stills] == ["b.JPEG"]
+
+
 @pytest.mark.parametrize(
     ("folder", "exclude", "told"),
     [
         ("gone", set(), "gone is not a folder; expected clips or stills in it"),
         ("sets/mine/duck", set(), "holds no annotated clip"),
-        (".", {"got10k"}, r"no dataset \['got10k'\] to leave out; there are \['OTB', 'mine'\]"),
+        (".", {"got10k"}, r"no dataset \['got10k'\] to leave out; .* \['OTB', 'mine', 'stills'\]"),
     ],
 )
 def test_what_is_not_there_is_told(data, folder, exclude, told):

@@ -10,7 +10,7 @@ import pytest
 from re3.data.augment import AugmentedClip, PhotometricConfig
 from re3.data.clip import MirroredClip, RecordedClip
 from re3.data.simulator import SimulationConfig, simulate
-from re3.data.stills import read_stills
+from re3.data.still_formats import read_stills
 from re3.geometry import search_region
 
 
@@ -65,7 +65,7 @@ def test_small_objects_are_discarded(folder, tmp_path):
 @pytest.mark.parametrize(
     ("content", "error", "message"),
     [
-        (None, FileNotFoundError, "boxes.jsonl does not exist"),
+        (None, ValueError, "holds nothing in the format boxes"),
         ("{}", ValueError, "line 1.*image"),
         ("nonsense", ValueError, "line 1"),
         ("", ValueError, "has no object"),
@@ -75,7 +75,7 @@ def test_a_broken_index_is_named(tmp_path, content, error, message):
     if content is not None:
         (tmp_path / "boxes.jsonl").write_text(content)
     with pytest.raises(error, match=message):
-        read_stills(tmp_path)
+        read_stills(tmp_path, "boxes")
 
 
 def test_the_same_seed_gives_the_same_scene(stills):
@@ -114,7 +114,7 @@ def test_objects_move_and_change(stills):
 
 
 def test_masked_objects_change_their_shape_and_the_box_follows(stills):
-    masked = [still for still in stills if still.mask is not None]
+    masked = [still for still in stills if still.masked]
     config = SimulationConfig(
         occluders=0.0, twin=0.0, other=0.0, foreign=0.0, object_pixels=(60.0, 61.0),
         bent=1.0, bending=0.08, scaling=0.0, stretching=0.0, spinning=0.0,

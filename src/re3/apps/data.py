@@ -16,6 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.table import Table
 
 from re3.apps.console import INTERRUPTED, failed, stderr
+from re3.apps.data_look import show, stats
 from re3.data.formats import FORMATS
 from re3.data.formats.check import Finding, check_dataset
 
@@ -28,11 +29,15 @@ data = typer.Typer(name="data", no_args_is_help=True)
 
 @data.callback()
 def _root() -> None:
-    """Check what datasets hold and what is wrong with them.
+    """Check what datasets hold, and look at what training makes of them.
 
-    Example:
+    Examples:
 
         re3 data check OTB100
+
+        re3 data stats mix.yaml --out stats.png
+
+        re3 data show mix.yaml --out sheet.png
     """
 
 
@@ -127,3 +132,7 @@ def _row(finding: Finding) -> list[str]:
         escape(", ".join(finding.attributes)),
         escape("; ".join(problems)),
     ]
+
+
+data.command()(stats)
+data.command()(show)

@@ -6,10 +6,15 @@ from pathlib import Path
 
 from re3.data.formats import FORMATS, read_dataset
 from re3.data.sequence import Sequence
+from re3.data.still_formats import STILL_FORMATS
 
 FORMAT_HELP = (
     f"Format of the data: {', '.join(known.name for known in FORMATS)}. Default: what the folder "
     "looks like."
+)
+STILL_FORMAT_HELP = (
+    f"Format of the stills: {', '.join(known.name for known in STILL_FORMATS)}. Default: what the "
+    "folder looks like."
 )
 
 

@@ -9,13 +9,14 @@ import numpy as np
 import typer
 
 from re3.apps.console import failed, stderr
+from re3.apps.sequences import STILL_FORMAT_HELP
 
 
 def simulate(
     stills: Annotated[
         Path,
         typer.Option(
-            help="Folder of pictures with an index boxes.jsonl, and masks where there are any.",
+            help="Folder of pictures, annotated in any format of --format or not at all.",
             metavar="DIR",
         ),
     ],
@@ -26,6 +27,10 @@ def simulate(
     frames: Annotated[int, typer.Option(help="Length of the clip.", min=1)] = 96,
     seed: Annotated[int, typer.Option(help="Another seed, another clip.", min=0)] = 0,
     width: Annotated[int, typer.Option(help="Width of the video in pixels.", min=64)] = 640,
+    format_name: Annotated[
+        str | None,
+        typer.Option("--format", help=STILL_FORMAT_HELP, metavar="NAME", show_default=False),
+    ] = None,
     draw: Annotated[bool, typer.Option(help="Draw the object's box.")] = True,
 ) -> None:
     """Simulate a tracked object from still pictures: motion, camera, occluders, look-alikes.
@@ -35,13 +40,15 @@ def simulate(
         re3 simulate --stills pictures --out clip.mp4 --seed 3
     """
     from re3.data.simulator import simulate as simulate_scene
-    from re3.data.stills import read_stills
+    from re3.data.still_formats import read_stills
     from re3.geometry import convert
     from re3.result import Result, Status
     from re3.video import VideoWriter, draw_results
 
     try:
-        scene = simulate_scene(read_stills(stills), frames, np.random.default_rng(seed))
+        scene = simulate_scene(
+            read_stills(stills, format_name), frames, np.random.default_rng(seed)
+        )
         scale = width / scene.size[0]
         height = max(2, round(scene.size[1] * scale))
         boxes = convert(scene.boxes_xyxy * scale, "xyxy", "xywh")

@@ -13,6 +13,12 @@ from re3.apps.console import INTERRUPTED, failed, stderr
 from re3.apps.sequences import FORMAT_HELP
 from re3.apps.stopping import StopSignals
 from re3.apps.train_report import Report
+from re3.apps.training_data import (
+    DEFAULT_CACHE_GB,
+    CacheOption,
+    folders_sampler,
+    mix_file_sampler,
+)
 from re3.training.recipe import RECIPES
 
 if TYPE_CHECKING:
@@ -26,16 +32,26 @@ TRUNK_FILE = "models/efficientnet-lite0-57934424.pth"
 
 def train(
     data: Annotated[
-        list[Path],
+        list[Path] | None,
         typer.Option(
             "--data",
             "-d",
             help="Folder with training data; repeat for several. Datasets of every format, clips "
-            "with box files beside them, and stills with an index boxes.jsonl, are found in all "
-            "folders below.",
+            "with box files beside them, and annotated stills, are found in all folders below.",
             metavar="DIR",
+            show_default=False,
         ),
-    ],
+    ] = None,
+    mix: Annotated[
+        Path | None,
+        typer.Option(
+            "--mix",
+            help="YAML file that says what is trained on, in place of --data: sources with "
+            "weights, share of simulated clips, augmentation (docs/training.md).",
+            metavar="FILE",
+            show_default=False,
+        ),
+    ] = None,
     out: Annotated[
         Path,
         typer.Option(
@@ -98,6 +114,7 @@ def train(
     length: Annotated[
         float, typer.Option(help="Times as many iterations as the recipe has.", min=0.0001)
     ] = 1.0,
+    cache_gb: CacheOption = DEFAULT_CACHE_GB,
     seed: Annotated[
         int | None,
         typer.Option(
@@ -163,7 +180,7 @@ def train(
             )
         if init is None:
             _load_trunk(network)
-        sampler = _sampler(data, set(exclude or []), format_name)
+        sampler = _sampler(data or [], set(exclude or []), format_name, mix, cache_gb)
         validate = None
         if validation is not None and processes.first:
             validate = Validation(validation, validation_clips)
@@ -174,6 +191,8 @@ def train(
                 console.print(f"note: the run goes on by another recipe: {line}", markup=False)
         if processes.first:
             note_start(out, recipe, trainer.iteration, device, processes.count)
+            if mix is not None:
+                (out / "mix.yaml").write_bytes(mix.read_bytes())
         console.print(
             f"{len(sampler.sequences)} tracks, {len(sampler.stills)} stills; iteration "
             f"{trainer.iteration} of {recipe.iterations}; run folder {out}"
@@ -194,7 +213,7 @@ def train(
     except KeyboardInterrupt:  # a second Ctrl-C, or one before training
         stderr().print("interrupted; run the same command to go on from the last checkpoint")
         raise typer.Exit(INTERRUPTED) from None
-    except (OSError, ValueError, TrainingError) as error:
+    except (ImportError, OSError, ValueError, TrainingError) as error:
         raise failed(error) from error
     console.print(
         f"trained: {out / f'{model}.onnx'}; track with: re3 track CLIP --box X,Y,W,H "
@@ -221,38 +240,23 @@ def _export(trainer: Trainer, model: str, out: Path) -> None:
             save_weights(network, out / f"{name}.safetensors", half=True)
 
 
-def _sampler(folders: list[Path], exclude: set[str], format_name: str | None) -> ClipSampler:
-    from re3.data.formats import read_dataset
-    from re3.data.frame_store import FrameStore
-    from re3.data.sampling import ClipSampler
-    from re3.data.stills import INDEX_NAME, read_stills
-
-    sequences, stills = [], []
-    for folder in folders:
-        if not folder.is_dir():
-            raise ValueError(f"{folder} is not a folder; expected clips or stills in it")
-        indices = sorted(folder.rglob(INDEX_NAME))
-        stills += [still for index in indices for still in read_stills(index.parent)]
-        inside = {index.parent for index in indices}
-        for child in _clip_folders(folder, inside):
-            sequences += read_dataset(child, format_name)
-    known = {s.dataset for s in sequences}
-    if exclude - known:
+def _sampler(
+    folders: list[Path],
+    exclude: set[str],
+    format_name: str | None,
+    mix: Path | None = None,
+    cache_gb: float = DEFAULT_CACHE_GB,
+) -> ClipSampler:
+    if mix is None:
+        if not folders:
+            raise ValueError("no data given; expected --data with folders, or --mix with a file")
+        return folders_sampler(folders, exclude, format_name, cache_gb)
+    if folders or exclude or format_name is not None:
         raise ValueError(
-            f"no dataset {sorted(exclude - known)} to leave out; there are {sorted(known)}"
+            "--mix says itself what is trained on; expected it without --data, --exclude and "
+            "--format"
         )
-    kept = [s for s in sequences if s.dataset not in exclude]
-    return ClipSampler(kept, stills, FrameStore())
-
-
-def _clip_folders(folder: Path, stills: set[Path]) -> list[Path]:
-    """The folders to search for clips: all but those of stills."""
-    if folder in stills:
-        return []
-    if not any(folder in still.parents for still in stills):
-        holds_files = any(path.is_file() for path in folder.rglob("*"))
-        return [folder] if holds_files else []
-    return [f for c in sorted(folder.iterdir()) if c.is_dir() for f in _clip_folders(c, stills)]
+    return mix_file_sampler(mix, cache_gb)
 
 
 def _load_trunk(network: Re3Lite) -> None:

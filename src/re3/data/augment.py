@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from re3.data.clip import Clip
+from re3.data.checks import check_at_least_zero, check_probabilities
+from re3.data.clip import Clip, Origin
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,10 @@ class PhotometricConfig:
     noise: float = 0.15
     jpeg: float = 0.15
 
+    def __post_init__(self) -> None:
+        check_at_least_zero(self, ("gain", "offset", "tint", "waver", "weather"))
+        check_probabilities(self, ("grey", "blur", "motion_blur", "noise", "jpeg"))
+
 
 class AugmentedClip:
     """A clip seen through a camera of its own.
@@ -48,13 +53,19 @@ class AugmentedClip:
         rng: draws the look now; the looks of single frames follow from it, so that the same
             crop of the same frame always looks the same.
         config: strengths.
+        origin: where the clip comes from, where that is known.
     """
 
     def __init__(
-        self, clip: Clip, rng: np.random.Generator, config: PhotometricConfig | None = None
+        self,
+        clip: Clip,
+        rng: np.random.Generator,
+        config: PhotometricConfig | None = None,
+        origin: Origin | None = None,
     ) -> None:
         config = config or PhotometricConfig()
         self.clip = clip
+        self.origin = origin
         self.boxes_xyxy = clip.boxes_xyxy
         self.visible = clip.visible
         self.leaps = clip.leaps

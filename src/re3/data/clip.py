@@ -5,13 +5,44 @@ A clip cuts crops itself, so that a simulated clip renders only the pixels that 
 
 from __future__ import annotations
 
-from typing import Protocol
+from dataclasses import dataclass
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from re3 import geometry
 from re3.geometry import Floats
+
+Kind = Literal["videos", "stills"]
+"""What a source of training data holds."""
+
+
+@dataclass(frozen=True, eq=False)
+class Origin:
+    """Where a clip of training data comes from.
+
+    Attributes:
+        source: the name of the source, or of the dataset where sources have none.
+        kind: whether it was recorded, or simulated from stills.
+        name: of the sequence, or of the picture that the object was cut from.
+        frames: `[T]`, indices into the video of a recorded clip; None of a simulated one.
+        mirrored: whether left and right are swapped.
+        occluded: `[T]`, marks of the dataset; None where it marks nothing, or of a simulated clip.
+    """
+
+    source: str
+    kind: Kind
+    name: str
+    frames: NDArray[np.int64] | None = None
+    mirrored: bool = False
+    occluded: NDArray[np.bool_] | None = None
+
+
+class Images(Protocol):
+    """Images by their number, as lists and arrays have them."""
+
+    def __getitem__(self, index: int, /) -> NDArray[np.uint8]: ...
 
 
 class Clip(Protocol):
@@ -37,7 +68,7 @@ class RecordedClip:
     """Frames of a real video.
 
     Args:
-        frames: uint8 `[T, H, W, 3]` BGR, or a list of images.
+        frames: uint8 `[T, H, W, 3]` BGR, or images by their number.
         boxes_xyxy: `[T, 4]` in pixels, NaN where absent.
         fill: BGR colour outside the frame.
         leaps: see `Clip`.
@@ -45,7 +76,7 @@ class RecordedClip:
 
     def __init__(
         self,
-        frames: NDArray[np.uint8] | list[NDArray[np.uint8]],
+        frames: Images,
         boxes_xyxy: ArrayLike,
         fill: tuple[float, float, float],
         leaps: bool = False,

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from re3 import geometry
+from re3.data.stills import Still
 from re3.geometry import Floats
 
 
@@ -72,6 +73,7 @@ class Scene:
         layers: from back to front, the background first.
         target: index of the object's layer.
         fill: BGR colour outside the scene.
+        still: the picture that the object was cut from, where that is known.
         leaps: see `re3.data.clip.Clip`.
     """
 
@@ -82,9 +84,11 @@ class Scene:
         target: int,
         fill: tuple[float, float, float],
         leaps: bool = False,
+        still: Still | None = None,
     ) -> None:
         self.size = size
         self.leaps = leaps
+        self.still = still
         self.layers = layers
         self.target = target
         self.fill = fill

@@ -8,6 +8,7 @@ only pixels that are looked at cost anything.
 
 from __future__ import annotations
 
+from collections.abc import Sequence as Several
 from dataclasses import dataclass
 
 import cv2
@@ -15,6 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from re3.data.bending import bend, with_margin
+from re3.data.checks import (
+    check_at_least_zero,
+    check_colour,
+    check_probabilities,
+    check_ranges,
+)
 from re3.data.scene import Layer, Look, Scene
 from re3.data.stills import Still
 from re3.geometry import Floats
@@ -35,6 +42,8 @@ class SimulationConfig:
         bending: mean amplitude of those changes.
         camera: range, log-uniform, of the camera's speed, per frame.
         occluders: mean number of occluders for a clip of 8 frames or more; half for shorter ones.
+        other_occluders: probability that an occluder is an object of any picture; else it is a
+            random patch of the object's own, as in the paper.
         twin: probability of a copy of the object moving beside it.
         other: probability of another object in the scene.
         foreign: probability of a background from another picture.
@@ -52,18 +61,41 @@ class SimulationConfig:
     bending: float = 0.05
     camera: tuple[float, float] = (0.003, 0.2)
     occluders: float = 1.0
+    other_occluders: float = 0.5
     twin: float = 0.15
     other: float = 0.25
     foreign: float = 0.3
     fill: tuple[float, float, float] = (127.0, 127.0, 127.0)
 
+    def __post_init__(self) -> None:
+        check_ranges(self, ("object_pixels", "room", "speed", "camera"))
+        check_at_least_zero(
+            self, ("turning", "scaling", "stretching", "spinning", "bending", "occluders")
+        )
+        check_probabilities(self, ("bent", "other_occluders", "twin", "other", "foreign"))
+        check_colour(self, "fill")
+
+
+PAPER_SIMULATION = SimulationConfig(
+    scaling=0.0,
+    spinning=0.0,
+    bent=0.0,
+    camera=(0.003, 0.003),
+    other_occluders=0.0,
+    twin=0.0,
+    other=0.0,
+    foreign=0.0,
+)
+"""What the paper describes: object, background and occluders of one picture, rigid, that change in
+speed, direction and aspect ratio. It gives no figures for those: they are ours, and so is the
+camera, which here hardly moves."""
 
 FINEST_PIXELS = 110.0
 """Layers are kept at no more pixels per object: crops show the object at 64."""
 
 
 def simulate(
-    stills: list[Still],
+    stills: Several[Still],
     frames: int,
     rng: np.random.Generator,
     config: SimulationConfig | None = None,
@@ -86,7 +118,7 @@ def simulate(
 class _SceneBuilder:
     def __init__(
         self,
-        stills: list[Still],
+        stills: Several[Still],
         times: NDArray[np.int64],
         rng: np.random.Generator,
         config: SimulationConfig,
@@ -97,7 +129,8 @@ class _SceneBuilder:
 
     def build(self) -> Scene:
         rng, config = self.rng, self.config
-        picture, patch, alpha, masked = self._pick_object()
+        still = self._pick()
+        picture, patch, alpha, masked = self._object_of(still)
         own_size = float(np.sqrt(patch.shape[0] * patch.shape[1]))
         self.unit = float(np.exp(rng.uniform(*np.log(config.object_pixels))))  # object, pixels
         self.resolution = min(1.0, FINEST_PIXELS / self.unit)
@@ -128,7 +161,7 @@ class _SceneBuilder:
         mean = config.occluders * (1.0 if self.frames > 8 else 0.5)
         for _ in range(min(int(rng.poisson(mean)), 3)):
             layers.append(self._occluder(picture, centres))
-        return Scene(self.scene, layers, position, config.fill, leaps=self.elapsed.max() > 1)
+        return Scene(self.scene, layers, position, config.fill, bool(self.elapsed.max() > 1), still)
 
     def _walk(self, step: float, *more: int) -> Floats:
         """A random walk `[T, *more]` with that standard deviation a frame."""
@@ -141,16 +174,21 @@ class _SceneBuilder:
     def _pick_object(
         self,
     ) -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8], bool]:
+        return self._object_of(self._pick())
+
+    def _object_of(
+        self, still: Still
+    ) -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8], bool]:
         """A picture, the patch of one of its objects, its alpha, and whether that is a mask."""
-        still = self._pick()
         picture = still.read()
-        x, y, w, h = still.boxes_xywh[int(self.rng.integers(len(still.boxes_xywh)))]
         height, width = picture.shape[:2]
-        left, top = int(np.clip(round(x), 0, width - 4)), int(np.clip(round(y), 0, height - 4))
+        (x, y, w, h), mask = still.draw_object(width, height, self.rng)
+        left, top = (
+            int(np.clip(round(float(low)), 0, side - 4)) for low, side in ((x, width), (y, height))
+        )
         right = int(np.clip(round(x + w), left + 4, width))
         bottom = int(np.clip(round(y + h), top + 4, height))
         patch = picture[top:bottom, left:right]
-        mask = still.read_mask()
         if mask is not None:
             alpha = mask[top:bottom, left:right]
             if (alpha > 127).mean() > 0.05:
@@ -249,7 +287,7 @@ class _SceneBuilder:
     def _occluder(self, picture: NDArray[np.uint8], centres: Floats) -> Layer:
         """A random patch that passes before the object at some moment of the clip."""
         rng = self.rng
-        if rng.random() < 0.5:
+        if rng.random() < self.config.other_occluders:
             picture, patch, alpha, _ = self._pick_object()
         else:
             patch, alpha = self._random_patch(picture)

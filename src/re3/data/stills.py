@@ -1,90 +1,124 @@
-"""Still pictures with boxes, and masks where there are any: the simulator's raw material."""
+"""Still pictures with objects in them: the simulator's raw material."""
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from re3.data.masks import Mask
 from re3.geometry import Floats
 
-INDEX_NAME = "boxes.jsonl"
 SMALLEST_SHARE = 0.01
 """Objects that cover less of the image, 0.1 squared, are discarded (Re3, sec. III-C)."""
+
+LARGEST_PATCH = 0.25
+"""Share of the image that a random patch covers at most; with more, little would be left of the
+picture to move before."""
 
 
 @dataclass(frozen=True, eq=False)
 class Still:
-    """A picture with at least one object large enough.
+    """A picture to cut objects from.
 
     Attributes:
         image: path of the picture.
-        mask: path of a mask of its (single) object, or None.
-        boxes_xywh: float64 `[N, 4]` in pixels of the picture.
+        boxes_xywh: float64 `[N, 4]` in pixels of the picture; N is 0 where nothing is annotated
+            and any patch may be taken for an object.
+        masks: one for each box, None where the box is all that is known.
+        relative: boxes are shares of the picture's width and height.
+        dataset: the name of the dataset, that of its folder.
+        smallest_share: of the image that a random patch covers at least.
     """
 
     image: Path
-    mask: Path | None
     boxes_xywh: Floats
+    masks: tuple[Mask | None, ...]
+    relative: bool = False
+    dataset: str = ""
+    smallest_share: float = SMALLEST_SHARE
+
+    @property
+    def masked(self) -> bool:
+        """Whether the outline of every object is known."""
+        return bool(self.masks) and all(mask is not None for mask in self.masks)
 
     def read(self) -> NDArray[np.uint8]:
         """The picture, uint8 `[H, W, 3]` BGR; raises ValueError if it cannot be read."""
-        return _read(self.image, cv2.IMREAD_COLOR)
-
-    def read_mask(self) -> NDArray[np.uint8] | None:
-        """The mask, uint8 `[H, W]` of 0 and 255, or None; raises ValueError if unreadable."""
-        if self.mask is None:
-            return None
-        return np.where(_read(self.mask, cv2.IMREAD_GRAYSCALE) > 127, 255, 0).astype(np.uint8)
-
-
-def _read(path: Path, flags: int) -> NDArray[np.uint8]:
-    image = cv2.imread(str(path), flags)
-    if image is None:
-        raise ValueError(
-            f"{path} cannot be read as an image; remove it from the index or restore it"
-        )
-    return image
-
-
-def read_stills(folder: str | Path) -> list[Still]:
-    """Read a folder with an index `boxes.jsonl`.
-
-    A line a picture: `{"image": path, "mask": path or null, "width": W, "height": H,
-    "objects": [{"label": name, "box_xywh": [x, y, w, h]}]}`, paths relative to the folder.
-    Objects below `SMALLEST_SHARE` of the picture are left out, and pictures without others.
-
-    Raises:
-        FileNotFoundError: no index in the folder.
-        ValueError: a line that is not such a description; nothing left to use.
-    """
-    folder = Path(folder)
-    index = folder / INDEX_NAME
-    if not index.is_file():
-        raise FileNotFoundError(f"{index} does not exist; expected a line of JSON for each picture")
-    stills = []
-    for number, line in enumerate(index.read_text(encoding="utf-8").splitlines(), start=1):
-        try:
-            entry = json.loads(line)
-            boxes = np.array([o["box_xywh"] for o in entry["objects"]], dtype=np.float64)
-            area = float(entry["width"]) * float(entry["height"])
-            image, mask = folder / entry["image"], entry.get("mask")
-        except (KeyError, TypeError, ValueError) as error:
+        image = cv2.imread(str(self.image), cv2.IMREAD_COLOR)
+        if image is None:
             raise ValueError(
-                f"{index}, line {number}: {error!r}; expected "
-                '{"image", "mask", "width", "height", "objects": [{"box_xywh": [x, y, w, h]}]}'
-            ) from error
-        boxes = boxes.reshape(-1, 4)
-        boxes = boxes[boxes[:, 2] * boxes[:, 3] >= SMALLEST_SHARE * area]
-        if len(boxes):
-            stills.append(Still(image, folder / mask if mask else None, boxes))
-    if not stills:
-        raise ValueError(
-            f"{index} has no object of {SMALLEST_SHARE:.0%} of its picture or more; "
-            "smaller ones lack the detail to be tracked"
-        )
-    return stills
+                f"{self.image} cannot be read as an image; remove it from the dataset or restore it"
+            )
+        return np.asarray(image, dtype=np.uint8)
+
+    def draw_object(
+        self, width: int, height: int, rng: np.random.Generator
+    ) -> tuple[Floats, NDArray[np.uint8] | None]:
+        """One of the objects, or a random patch where none is annotated.
+
+        Args:
+            width, height: of the picture in pixels.
+            rng: source of the choice.
+
+        Returns:
+            the box_xywh in pixels, and uint8 `[height, width]`, 255 on the object, or None where
+            only the box is known.
+
+        Raises:
+            ValueError, OSError: the mask cannot be read; the message names the picture.
+        """
+        if not len(self.boxes_xywh):
+            return self._patch(width, height, rng), None
+        index = int(rng.integers(len(self.boxes_xywh)))
+        size = (width, height, width, height)
+        box = self.boxes_xywh[index] * size if self.relative else self.boxes_xywh[index]
+        mask = self.masks[index]
+        if mask is None:
+            return box, None
+        try:
+            return box, mask.read(width, height)
+        except ValueError as error:
+            raise ValueError(f"{self.image}: {error}") from error
+
+    def _patch(self, width: int, height: int, rng: np.random.Generator) -> Floats:
+        largest = max(LARGEST_PATCH, self.smallest_share)
+        share = np.exp(rng.uniform(*np.log([max(self.smallest_share, 1e-4), largest])))
+        stretch = np.exp(0.5 * np.clip(rng.normal(0.0, 0.4), -1.0, 1.0))
+        side = np.sqrt(share * width * height)
+        size = np.minimum([side * stretch, side / stretch], [width, height])
+        return np.concatenate([rng.uniform(0, 1, 2) * ((width, height) - size), size])
+
+
+def make_still(
+    image: Path,
+    boxes_xywh: ArrayLike,
+    area: float,
+    smallest_share: float,
+    *,
+    masks: list[Mask | None] | None = None,
+    relative: bool = False,
+    dataset: str = "",
+) -> Still | None:
+    """A picture with those of its objects that are large enough; None without any.
+
+    Args:
+        image: path of the picture.
+        boxes_xywh: `[N, 4]` in pixels, or shares of the picture if `relative`.
+        area: of the picture in the same units.
+        smallest_share: of the picture; objects that cover less are left out, and so are boxes
+            without an area.
+        masks: one for each box; by default there are none.
+        relative, dataset: see `Still`.
+    """
+    boxes = np.asarray(boxes_xywh, dtype=np.float64).reshape(-1, 4)
+    kept = np.isfinite(boxes).all(axis=1) & (boxes[:, 2:] > 0).all(axis=1)
+    kept &= boxes[:, 2] * boxes[:, 3] >= smallest_share * area
+    if not kept.any():
+        return None
+    all_masks = masks if masks is not None else [None] * len(boxes)
+    chosen = tuple(mask for mask, keep in zip(all_masks, kept, strict=True) if keep)
+    return Still(image, boxes[kept], chosen, relative, dataset, smallest_share)

@@ -170,6 +170,23 @@ def motchallenge(folder: Path) -> Path:
     return folder
 
 
+def visdrone(folder: Path) -> Path:
+    """A clip of several objects and, in another part, one of a single object."""
+    images(folder / "VisDrone2019-MOT-val" / "sequences" / "uav1_v", 4, digits=7)
+    text(
+        folder / "VisDrone2019-MOT-val" / "annotations" / "uav1_v.txt",
+        "1,3,0,3,4,5,1,4,0,0",
+        "2,3,1,3,4,5,1,4,0,2",
+        "4,3,3,3,4,5,1,4,1,1",
+        "2,10,8,3,4,5,1,10,0,0",
+        "1,0,9,9,9,9,0,0,0,0",
+        "1,11,8,3,4,5,0,11,0,0",
+    )
+    images(folder / "VisDrone2019-SOT-val" / "sequences" / "uav2_s", 3, digits=7)
+    text(folder / "VisDrone2019-SOT-val" / "annotations" / "uav2_s.txt", *boxes(2), "0,0,0,0")
+    return folder
+
+
 def plain(folder: Path) -> Path:
     images(folder / "duck", 3)
     text(folder / "duck.txt", *boxes(3))
@@ -187,5 +204,6 @@ BUILDERS = {
     "trackingnet": trackingnet,
     "davis": davis,
     "motchallenge": motchallenge,
+    "visdrone": visdrone,
     "plain": plain,
 }

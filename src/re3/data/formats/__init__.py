@@ -23,6 +23,7 @@ from re3.data.formats import (
     plain_form,
     trackingnet,
     uav123,
+    visdrone,
     vot,
 )
 from re3.data.formats.files import Entry, subfolders
@@ -40,6 +41,8 @@ class Format:
         entries: the clips in a folder, not read yet.
         automatic: whether it is tried on a folder of unknown format; False for a format that
             reads the same files as another does, in another way.
+        training: whether it is tried on a folder of unknown format that is to be trained on; None
+            where that is as for `automatic`.
     """
 
     name: str
@@ -47,6 +50,7 @@ class Format:
     detect: Callable[[Path], bool]
     entries: Callable[[Path], list[Entry]]
     automatic: bool = True
+    training: bool | None = None
 
     def read(self, folder: str | Path) -> list[Sequence]:
         """Read every clip.
@@ -75,13 +79,15 @@ FORMATS = (
     Format("got10k", got10k.LAYOUT, got10k.detect, got10k.entries),
     Format("lasot", lasot.LAYOUT, lasot.detect, lasot.entries),
     Format("uav123", uav123.LAYOUT, uav123.detect, uav123.entries),
-    Format("alov", alov.LAYOUT, alov.detect, alov.entries),
+    # A frame without a box is one without the object to training: it takes interpolated ones.
+    Format("alov", alov.LAYOUT, alov.detect, alov.entries, training=False),
     Format(
         "alov-interpolated",
         f"{alov.LAYOUT}; boxes between the annotated frames are interpolated",
         alov.detect,
         partial(alov.entries, interpolate=True),
         automatic=False,
+        training=True,
     ),
     Format("imagenet-vid", imagenet_vid.LAYOUT, imagenet_vid.detect, imagenet_vid.entries),
     Format(
@@ -101,27 +107,35 @@ FORMATS = (
         automatic=False,
     ),
     Format("motchallenge", motchallenge.LAYOUT, motchallenge.detect, motchallenge.entries),
+    Format("visdrone", visdrone.LAYOUT, visdrone.detect, visdrone.entries),
     # Last: it takes any folder with an annotated clip somewhere below.
     Format("plain", plain_form.LAYOUT, plain_form.detect, plain_form.entries),
 )
 
 
-def read_dataset(folder: str | Path, format: str | None = None) -> list[Sequence]:
+def read_dataset(
+    folder: str | Path, format: str | None = None, *, training: bool = False
+) -> list[Sequence]:
     """Read a dataset in any of the known formats, or several in the folders below.
 
     Args:
         folder: the dataset's folder, as it is unpacked, or one somewhere above it.
         format: the name of one of `FORMATS`; by default the one the folder looks like.
+        training: it is to be trained on: the variant that suits that is taken where the format is
+            not named, and sequences that are known to occur in a benchmark are left out.
 
     Raises:
         NotADirectoryError, FileNotFoundError: no such folder, or a file of it is missing.
         ValueError: no such format; a folder looks like none or like several; a file is not well
             formed (the message names it, and the line).
     """
-    return find_format(folder, format).read(folder)
+    sequences = find_format(folder, format, training=training).read(folder)
+    if training:
+        return [sequence for sequence in sequences if sequence.name not in alov.IN_VOT2014]
+    return sequences
 
 
-def find_format(folder: str | Path, format: str | None = None) -> Format:
+def find_format(folder: str | Path, format: str | None = None, *, training: bool = False) -> Format:
     """The format named, or the one a folder looks like.
 
     Where the folder itself looks like none, but folders below it do, each is read as what it
@@ -129,7 +143,7 @@ def find_format(folder: str | Path, format: str | None = None) -> Format:
     the formats. Raises as `read_dataset` does.
     """
     folder = _existing(folder)
-    *special, plain = (known for known in FORMATS if known.automatic)
+    *special, plain = _tried(training)
     if format is not None:
         named = _named(format)
         found = list(_datasets(folder, [named]))
@@ -149,6 +163,20 @@ def find_format(folder: str | Path, format: str | None = None) -> Format:
     raise ValueError(
         f"{folder} holds no annotated clip in a known format; expected one of{looked_for}"
     )
+
+
+def looks_like_clips(folder: Path) -> bool:
+    """Whether a folder by itself looks like a dataset of sequences in a format but the plain."""
+    return any(known.detect(folder) for known in _tried(training=True)[:-1])
+
+
+def _tried(training: bool) -> list[Format]:
+    """The formats that a folder is tried for, the plain one last."""
+    return [
+        known
+        for known in FORMATS
+        if (known.automatic if not training or known.training is None else known.training)
+    ]
 
 
 def _datasets(

@@ -8,6 +8,9 @@ that of its file and the corners in no order to rely on, so that the outermost b
 Corners are 1-based (GOTURN's loader subtracts one as well). The category is what makes the video
 hard and becomes its attribute.
 
+Seven of the videos also occur in VOT 2014 and are left out where the dataset is trained on
+(`IN_VOT2014`), as in Re3, sec. III-C.
+
 Frames in between have no box; with `interpolate` they get one on the straight line between their
 neighbours', as good for training as the object's motion is even.
 """
@@ -36,6 +39,21 @@ from re3.data.formats.files import (
 from re3.data.sequence import Sequence
 
 LAYOUT = "<images>/<category>/<video>/ and <annotations>/<category>/<video>.ann"
+
+IN_VOT2014 = frozenset(
+    {
+        "01-Light_video00016",
+        "01-Light_video00022",
+        "01-Light_video00023",
+        "02-SurfaceCover_video00012",
+        "03-Specularity_video00003",
+        "03-Specularity_video00012",
+        "10-LowContrast_video00013",
+    }
+)
+"""The videos that also occur in VOT 2014. The Re3 paper says that there are seven and leaves them
+out, but does not name them; these are the seven that the README of GOTURN (Held et al., ECCV 2016),
+the tracker it is compared with, names for the same reason."""
 
 _EXPECTED = "frame x1 y1 x2 y2 x3 y3 x4 y4"
 
