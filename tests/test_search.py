@@ -10,10 +10,10 @@ BOX = np.array([300.0, 200.0, 320.0, 240.0])  # 20 x 40 pixels about (310, 220)
 FRAME = (640, 480)
 
 
-def offsets(lost_for, box=BOX, frame=FRAME):
+def offsets(searched_for, box=BOX, frame=FRAME):
     """Centres of the places, in steps of `SPACING` boxes from the box."""
     centre = convert(box, "xyxy", "cxcywh")
-    found = convert(places(box, lost_for, *frame), "xyxy", "cxcywh")
+    found = convert(places(box, searched_for, *frame), "xyxy", "cxcywh")
     return np.round((found[:, :2] - centre[:2]) / centre[2:] / SPACING).astype(int).tolist()
 
 
@@ -41,8 +41,10 @@ def test_places_have_the_size_of_the_box():
 
 
 def test_centres_stay_inside_the_frame():
-    for lost_for in range(1, 60):
-        found = convert(places(np.array([0.0, 0, 60, 60]), lost_for, 200, 100), "xyxy", "cxcywh")
+    for searched_for in range(1, 60):
+        found = convert(
+            places(np.array([0.0, 0, 60, 60]), searched_for, 200, 100), "xyxy", "cxcywh"
+        )
         assert len(found)
         assert ((found[:, :2] >= 0) & (found[:, :2] <= (200, 100))).all()
 

@@ -12,19 +12,19 @@ from re3 import geometry
 from re3.geometry import Floats
 
 PLACES = 6
-"""More crops a frame for each lost object."""
+"""More crops a frame for each object that is searched for."""
 
 SPACING = 1.5
 """Distance of neighbouring places in units of the box: crops three boxes wide overlap by half."""
 
 FRAMES_A_RING = 6
-"""Frames lost after which the search grows by a ring of places."""
+"""Frames after which the search grows by a ring of places."""
 
 RINGS = 5
 """Rings at most: the search reaches 7.5 boxes, a good part of most frames."""
 
 
-def places(trusted_xyxy: Floats, lost_for: int, width: int, height: int) -> Floats:
+def places(trusted_xyxy: Floats, searched_for: int, width: int, height: int) -> Floats:
     """Boxes to look at in one frame, of the size that the object last had.
 
     Each frame looks at the next few of all places within reach, so that a search goes round and
@@ -32,7 +32,7 @@ def places(trusted_xyxy: Floats, lost_for: int, width: int, height: int) -> Floa
 
     Args:
         trusted_xyxy: `[4]`, the box last found for sure, in pixels.
-        lost_for: frames that the object has been lost for, this one included.
+        searched_for: frames that the object has been searched for, this one included.
         width, height: of the frame in pixels.
 
     Returns:
@@ -41,7 +41,7 @@ def places(trusted_xyxy: Floats, lost_for: int, width: int, height: int) -> Floa
     left, top, right, bottom = trusted_xyxy
     size = np.array([right - left, bottom - top])
     centre = np.array([left + right, top + bottom]) / 2
-    reach = min(1 + (lost_for - 1) // FRAMES_A_RING, RINGS)
+    reach = min(1 + (searched_for - 1) // FRAMES_A_RING, RINGS)
     steps = np.arange(-reach, reach + 1)
     offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     offsets = offsets[np.argsort(np.square(offsets).sum(axis=1), kind="stable")]
@@ -49,7 +49,7 @@ def places(trusted_xyxy: Floats, lost_for: int, width: int, height: int) -> Floa
     centres = centres[((centres >= 0) & (centres <= (width, height))).all(axis=1)]
     if not len(centres):
         return np.empty((0, 4))
-    turn = (lost_for - 1) * PLACES + np.arange(min(PLACES, len(centres)))
+    turn = (searched_for - 1) * PLACES + np.arange(min(PLACES, len(centres)))
     centres = centres[turn % len(centres)]
     sizes = np.broadcast_to(size, centres.shape)
     return geometry.convert(np.concatenate([centres, sizes], axis=1), "cxcywh", "xyxy")

@@ -17,15 +17,18 @@ from re3.model_spec import CropSpec
 from re3.result import Result, Status
 from re3.search import places
 
-UNCERTAIN_BELOW = 0.55
-LOST_BELOW = 0.4
-"""Thresholds of the score, from `benchmarks/score.py` on val (33 clips, 2,328 boxes): below .55
-were 37 % of the failures (overlap under .2) and 8.1 % of the good boxes (overlap of .5 or more),
-below .4 4.7 % of the failures and 0.1 % of the good boxes. A box that is not called lost may well
-be."""
+UNCERTAIN_BELOW = 0.5
+LOST_BELOW = 0.35
+"""Thresholds of the score, from `benchmarks/score.py` on val (33 clips, 2,328 boxes): below .5 were
+56 % of the failures (overlap under .2) and 7.6 % of the good boxes (overlap of .5 or more); below
+.35 10 % of the failures and 0.5 % of the good boxes, and in 4 of 6 losses a box within ten frames.
+A box that is not called lost may well be."""
 
+SEARCH_BELOW = 0.45
 FOUND_FROM = 0.6
-"""An object that is searched for is taken back where the score is this or more."""
+"""Below the first the object is searched for in the same frame, and taken from another place where
+the score is the second or more. Chosen on val, also with the protocol `hidden`: see
+docs/experiments.md."""
 
 
 def status_of(score: float) -> Status:
@@ -48,7 +51,7 @@ class _Track:
         steps: since the last reset.
         result: of the frame last seen.
         trusted_xyxy: `[4]`, the latest box that was neither uncertain nor lost.
-        lost_for: frames that the object has been lost for.
+        searched_for: frames that the object has been searched for.
     """
 
     box_xyxy: Floats
@@ -58,7 +61,7 @@ class _Track:
     steps: int
     result: Result
     trusted_xyxy: Floats
-    lost_for: int = 0
+    searched_for: int = 0
 
 
 class _Look(NamedTuple):
@@ -89,7 +92,8 @@ class MultiTracker:
         model: name of a shipped model (`re3 models` lists them) or path of an exported file.
         engine: "auto", "onnx" or "torch", or an engine of your own.
         threads: of the engine; 0 takes one for each core.
-        search: look for a lost object in a wider and wider area, four crops more a frame.
+        search: look for an object that seems lost in a wider and wider area, six crops more a
+            frame.
 
     Raises:
         ValueError: unknown model or engine.
@@ -168,7 +172,7 @@ class MultiTracker:
         tracks = list(self._tracks.values())
         seen = self._look(image, [_Look(t, t.box_xyxy, t.state) for t in tracks])
         if self._search:
-            seen = self._search_for_lost(image, tracks, seen)
+            seen = self._search_for_unsure(image, tracks, seen)
         for track, sight in zip(tracks, seen, strict=True):
             self._advance(track, image, sight)
         return self.results
@@ -193,15 +197,15 @@ class MultiTracker:
             for i in range(len(looks))
         ]
 
-    def _search_for_lost(
+    def _search_for_unsure(
         self, image: NDArray[np.uint8], tracks: list[_Track], seen: list[_Sight]
     ) -> list[_Sight]:
-        """Sights of the tracks, those of lost ones replaced where a search is sure of another."""
+        """Sights of the tracks, those of low score replaced where a search is sure of another."""
         height, width = image.shape[:2]
         looks, whose = [], []
         for index, (track, sight) in enumerate(zip(tracks, seen, strict=True)):
-            if status_of(sight.score) is Status.LOST:
-                boxes = places(track.trusted_xyxy, track.lost_for + 1, width, height)
+            if sight.score < SEARCH_BELOW:
+                boxes = places(track.trusted_xyxy, track.searched_for + 1, width, height)
                 looks += [_Look(track, box, track.first_state) for box in boxes]
                 whose += [index] * len(boxes)
         best = list(seen)
@@ -224,7 +228,7 @@ class MultiTracker:
                 saved[prefix + "previous_crop"] = track.previous_crop.copy()
             saved[prefix + "steps"] = np.array(track.steps)
             saved[prefix + "trusted_xyxy"] = track.trusted_xyxy.copy()
-            saved[prefix + "lost_for"] = np.array(track.lost_for)
+            saved[prefix + "searched_for"] = np.array(track.searched_for)
             saved[prefix + "result"] = np.array(
                 [*result.box_xywh, result.score, result.frame_index], dtype=np.float64
             )
@@ -282,7 +286,7 @@ class MultiTracker:
             first_state=states[1],
             steps=int(saved[prefix + "steps"]),
             trusted_xyxy=np.array(saved[prefix + "trusted_xyxy"], np.float64),
-            lost_for=int(saved[prefix + "lost_for"]),
+            searched_for=int(saved[prefix + "searched_for"]),
             result=Result(
                 box_xywh=(x, y, w, h),
                 score=score,
@@ -315,7 +319,7 @@ class MultiTracker:
             track.state, track.steps = {**track.first_state, **kept}, 0
         track.box_xyxy = sight.box_xyxy
         status = status_of(sight.score)
-        track.lost_for = track.lost_for + 1 if status is Status.LOST else 0
+        track.searched_for = track.searched_for + 1 if sight.score < SEARCH_BELOW else 0
         if status is Status.TRACKED:
             track.trusted_xyxy = sight.box_xyxy
         track.previous_crop = self._crop_previous(image, sight.box_xyxy)

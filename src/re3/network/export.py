@@ -58,6 +58,7 @@ def export_onnx(network: Network, path: str | Path, *, half_weights: bool = True
         _trace(network, partial)
         model = onnx.load(str(partial))
         _pad_in_convolutions(model)
+        _spell_prelu_out(model)
         if half_weights:
             _halve(model)
         entry = model.metadata_props.add()
@@ -121,6 +122,29 @@ def _pad_in_convolutions(model: onnx.ModelProto) -> None:
         own.ints[:] = [int(a + b) for a, b in zip(own.ints, amounts[[2, 3, 6, 7]], strict=True)]
         node.input[0] = pad.input[0]
         graph.node.remove(pad)
+
+
+def _spell_prelu_out(model: onnx.ModelProto) -> None:
+    """Write PReLU as the larger of x and slope times x, which it is for slopes up to 1.
+
+    ONNX Runtime runs its own PReLU with one value at a time: a step took 6.4 ms with it, 6.0 so.
+    """
+    graph = model.graph
+    slopes = {weight.name: weight for weight in graph.initializer}
+    for node in graph.node:
+        if node.op_type == "Unsqueeze" and node.input[0] in slopes:
+            slopes[node.output[0]] = slopes[node.input[0]]
+    nodes = []
+    for node in graph.node:
+        slope = slopes.get(node.input[1]) if node.op_type == "PRelu" else None
+        if slope is None or numpy_helper.to_array(slope).max() > 1:
+            nodes.append(node)
+            continue
+        below, (output,) = f"{node.output[0]}_below", node.output
+        nodes.append(helper.make_node("Mul", node.input, [below], f"{node.name}_below"))
+        nodes.append(helper.make_node("Max", [node.input[0], below], [output], node.name))
+    del graph.node[:]
+    graph.node.extend(nodes)
 
 
 def _constant(
