@@ -1,5 +1,6 @@
 """The streaming tracker: reset rule, batching, states, frames and boxes of all kinds."""
 
+import json
 import subprocess
 import sys
 from dataclasses import replace
@@ -118,6 +119,41 @@ def test_a_reset_keeps_what_concerns_the_previous_frame():
     for _ in range(10):
         tracker.update(noise())
     assert [int(count[0, 0]) for _, _, count in engine.calls] == list(range(11))
+
+
+def test_a_reset_may_look_at_the_current_frame_once_more():
+    engine = Counter(
+        spec=replace(SPEC, current=PREVIOUS, reset_interval=4, look_at_reset=True),
+        corners=(3, 3, 8, 8),
+    )
+    tracker = re3.Tracker(engine=engine)
+    frames = [noise(seed=s) for s in range(10)]
+    tracker.init(frames[0], BOX)
+    boxes = [tracker.update(frame).box_xywh for frame in frames[1:]]
+    counts = [int(count[0, 0]) for _, _, count in engine.calls]
+    # The looks start from the state after the first pass and are steps of no frame.
+    assert counts == [0, 1, 2, 3, 4, 1, 2, 3, 4, 5, 1, 2]
+    box = geometry.convert(boxes[3], "xywh", "xyxy")
+    region = geometry.snap(geometry.search_region(box, 2.0))
+    for crops in engine.calls[5][:2]:
+        np.testing.assert_array_equal(crops[0], geometry.crop(frames[4], region, 16, SPEC.fill))
+
+
+def test_crops_may_be_cut_about_whole_pixels_and_boxes_decoded_without():
+    engine = Counter(spec=replace(SPEC, current=PREVIOUS, whole_pixels=True))
+    tracker = re3.Tracker(engine=engine)
+    frame, box = noise(), (40.25, 30.25, 25.0, 21.0)
+    tracker.init(frame, box)
+    np.testing.assert_allclose(tracker.update(frame).box_xywh, box, atol=1e-4)
+    region = (28, 20, 78, 62)  # of 27.75, 19.75, 77.75, 61.75
+    for crops in engine.calls[0][:2]:
+        np.testing.assert_array_equal(crops[0], geometry.crop(frame, region, 16, SPEC.fill))
+
+
+def test_a_description_from_before_these_rules_is_read():
+    values = json.loads(SPEC.to_json())
+    del values["look_at_reset"], values["whole_pixels"]
+    assert ModelSpec.from_json(json.dumps(values)) == SPEC
 
 
 def test_a_model_without_previous_crop_gets_none():

@@ -49,6 +49,10 @@ class ModelSpec:
             the model of the object forget, leaves them.
         reset_interval: after so many steps the state returns to the one after the first forward
             pass (Re3, sec. III-C, "Tracking at test time"); 0 never resets.
+        look_at_reset: after a reset both crops are cut about the object's box in the current frame
+            and passed through the network, and the state after that pass goes on.
+        whole_pixels: crops are cut about regions rounded to whole pixels, while boxes are decoded
+            from the regions as they are.
         regression_scale: see `re3.geometry.REGRESSION_SCALE`.
     """
 
@@ -59,6 +63,8 @@ class ModelSpec:
     state: dict[str, tuple[int, ...]]
     kept_at_reset: tuple[str, ...] = ()
     reset_interval: int = 32
+    look_at_reset: bool = False
+    whole_pixels: bool = False
     regression_scale: float = REGRESSION_SCALE
 
     def to_json(self) -> str:
@@ -81,6 +87,9 @@ class ModelSpec:
                 state={name: tuple(shape) for name, shape in values["state"].items()},
                 kept_at_reset=tuple(values["kept_at_reset"]),
                 reset_interval=values["reset_interval"],
+                # Files of before these rules existed do not name them.
+                look_at_reset=values.get("look_at_reset", False),
+                whole_pixels=values.get("whole_pixels", False),
                 regression_scale=values["regression_scale"],
             )
         except (KeyError, TypeError, json.JSONDecodeError) as error:

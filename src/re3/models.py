@@ -50,7 +50,7 @@ _CATALOGUE = (
     ),
     ModelCard(
         name="re3",
-        description="the paper's network (CaffeNet trunk, LSTM 1024); bring or train its weights",
+        description="the paper's network (CaffeNet trunk, LSTM 1024); import or train its weights",
         parameters=190_004_324,
         crop_size=227,
         shipped=False,

@@ -298,23 +298,38 @@ class MultiTracker:
         )
 
     def _start(self, image: NDArray[np.uint8], box_xywh: Floats, result: Result) -> _Track:
-        """The first forward pass: both crops at the given box in the same frame."""
+        """The first forward pass; the box it finds is discarded in favour of the one given."""
         spec = self._engine.spec
         box = geometry.convert(box_xywh, "xywh", "xyxy")
         previous = self._crop_previous(image, box)
-        region = geometry.snap(geometry.search_region(box, spec.current.context))
-        current = self._cut(image, region, spec.current)
-        # The box it finds is discarded in favour of the one given.
-        output = self._engine.step(_stacked([previous]), current[None], zero_state(spec, 1))
-        state = {name: values[0] for name, values in output.state.items()}
+        nothing = {name: values[0] for name, values in zero_state(spec, 1).items()}
+        state = self._look_at_one_frame(image, box, previous, nothing)
         return _Track(box, previous, state, state, 0, result, trusted_xyxy=box)
+
+    def _look_at_one_frame(
+        self,
+        image: NDArray[np.uint8],
+        box_xyxy: Floats,
+        previous_crop: NDArray[np.uint8] | None,
+        state: State,
+    ) -> State:
+        """The state after a pass with both crops about a box in the same frame."""
+        spec = self._engine.spec
+        region = geometry.snap(geometry.search_region(box_xyxy, spec.current.context))
+        output = self._engine.step(
+            _stacked([previous_crop]),
+            self._cut(image, region, spec.current)[None],
+            {name: state[name][None] for name in spec.state},
+        )
+        return {name: values[0] for name, values in output.state.items()}
 
     def _advance(self, track: _Track, image: NDArray[np.uint8], sight: _Sight) -> None:
         spec = self._engine.spec
         # An object taken back is seen with the memory of the first frame.
         track.steps = 1 if sight.by_search else track.steps + 1
         track.state = sight.state
-        if spec.reset_interval and track.steps >= spec.reset_interval:
+        reset = 0 < spec.reset_interval <= track.steps
+        if reset:
             kept = {name: sight.state[name] for name in spec.kept_at_reset}
             track.state, track.steps = {**track.first_state, **kept}, 0
         track.box_xyxy = sight.box_xyxy
@@ -323,6 +338,10 @@ class MultiTracker:
         if status is Status.TRACKED:
             track.trusted_xyxy = sight.box_xyxy
         track.previous_crop = self._crop_previous(image, sight.box_xyxy)
+        if reset and spec.look_at_reset:
+            track.state = self._look_at_one_frame(
+                image, sight.box_xyxy, track.previous_crop, track.state
+            )
         track.result = Result(
             box_xywh=_as_tuple(geometry.convert(sight.box_xyxy, "xyxy", "xywh")),
             score=sight.score,
@@ -345,7 +364,10 @@ class MultiTracker:
         self, image: NDArray[np.uint8], region_xyxy: Floats, view: CropSpec
     ) -> NDArray[np.uint8]:
         """Every crop is cut here, where `re3.timed_tracker` puts its clock."""
-        return geometry.crop(image, region_xyxy, view.size, self._engine.spec.fill)
+        spec = self._engine.spec
+        if spec.whole_pixels:
+            region_xyxy = np.round(region_xyxy)
+        return geometry.crop(image, region_xyxy, view.size, spec.fill)
 
 
 class Tracker:

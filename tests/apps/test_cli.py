@@ -44,10 +44,11 @@ COMMANDS = (
     "simulate",
     "export",
     "data",
+    "weights",
 )
 
 
-@pytest.mark.parametrize("command", [*COMMANDS, "data check"])
+@pytest.mark.parametrize("command", [*COMMANDS, "data check", "weights import", "weights show"])
 def test_every_command_has_help_with_an_example(command):
     result = run(*command.split(), "--help")
     assert result.exit_code == 0

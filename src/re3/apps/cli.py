@@ -19,6 +19,7 @@ from re3.apps.track import track
 from re3.apps.train import train
 from re3.apps.tsne import tsne
 from re3.apps.vot import vot
+from re3.apps.weights import weights
 from re3.models import list_models
 
 PIPE_WIDTH = 160
@@ -91,6 +92,7 @@ app.command()(train)
 app.command()(simulate)
 app.command()(export)
 app.add_typer(data)
+app.add_typer(weights)
 
 
 def main() -> None:
