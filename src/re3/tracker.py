@@ -84,6 +84,8 @@ class _Sight(NamedTuple):
 class MultiTracker:
     """Tracks any number of objects through one video, in one batched network call per frame.
 
+    Objects of low score are searched for at more places (`re3.search`), in one more call.
+
     Frames are uint8 `[H, W, 3]` in BGR order (grey `[H, W]` and BGRA work too); their size may
     change. Boxes are x, y, width, height in pixels, as floats; (0, 0) is the top-left corner of
     the frame.
