@@ -37,6 +37,7 @@ COMMANDS = (
     "track",
     "models",
     "eval",
+    "bench",
     "vot",
     "qualitative",
     "tsne",

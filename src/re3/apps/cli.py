@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from re3 import __version__
+from re3.apps.bench import bench
 from re3.apps.data import data
 from re3.apps.evaluate import evaluate
 from re3.apps.export import export
@@ -85,6 +86,7 @@ def models() -> None:
 app.command()(track)
 app.command()(models)
 app.command(name="eval")(evaluate)
+app.command()(bench)
 app.command()(vot)
 app.command()(qualitative)
 app.command()(tsne)

@@ -42,13 +42,15 @@ def console_tables(run: Run, *, occluded: bool = False) -> list[Table]:
     by sequence."""
     tables = []
     for dataset in run.datasets:
-        tables.append(_rich(summary_table(run, dataset)))
-        tables += [_rich(table, _titled(dataset, table)) for table in time_tables(run, dataset)]
+        tables.append(rich_table(summary_table(run, dataset)))
+        tables += [
+            rich_table(table, _titled(dataset, table)) for table in time_tables(run, dataset)
+        ]
         by_sequence = sequence_tables(run, dataset)[0]
         if len(by_sequence.rows) > 1:
-            tables.append(_rich(by_sequence, _titled(dataset, by_sequence)))
+            tables.append(rich_table(by_sequence, _titled(dataset, by_sequence)))
     if occluded:
-        tables += map(_rich, occlusion_tables(run))
+        tables += map(rich_table, occlusion_tables(run))
     return tables
 
 
@@ -64,7 +66,7 @@ def _titled(dataset: str, table: TextTable) -> str:
     return f"{dataset or 'sequences'}: {table.title}"
 
 
-def _rich(text: TextTable, title: str | None = None) -> Table:
+def rich_table(text: TextTable, title: str | None = None) -> Table:
     """Names first, figures after; that of one pass is narrow enough for 80 columns."""
     title = escape(text.title if title is None else title)
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))

@@ -246,14 +246,14 @@ def _summarise(console: Console, run: _Run, *, told: bool) -> None:
 
 def _parse_objects(box: str | None, named: list[str]) -> dict[str, Box]:
     """Name -> box; raises ValueError that says what was given."""
-    objects = {} if box is None else {"object": _parse_box("--box", box)}
+    objects = {} if box is None else {"object": parse_box("--box", box)}
     for text in named:
         name, equals, numbers = text.rpartition("=")
         if not equals or not name.strip():
             raise ValueError(f"--object {text!r} is not NAME=X,Y,W,H, such as car=10,20,80,40")
         if name.strip() in objects:
             raise ValueError(f"two objects are called {name.strip()!r}; give each its own name")
-        objects[name.strip()] = _parse_box("--object", numbers)
+        objects[name.strip()] = parse_box("--object", numbers)
     if not objects:
         raise ValueError(
             "no object to track; give its box in the first frame: --box X,Y,W,H "
@@ -262,7 +262,8 @@ def _parse_objects(box: str | None, named: list[str]) -> dict[str, Box]:
     return objects
 
 
-def _parse_box(option: str, text: str) -> Box:
+def parse_box(option: str, text: str) -> Box:
+    """Four numbers separated by commas; raises ValueError that names the option."""
     try:
         x, y, w, h = (float(part) for part in text.split(","))
     except ValueError as error:
