@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from re3.result import Result
 from re3.timed_tracker import time_spent
 from re3.video import Frame, ResultsWriter, SourceError, VideoSource, VideoWriter, draw_results
+from re3.video.overlap import ReadAhead, WriteBehind
 
 Box = tuple[float, float, float, float]
 
@@ -75,6 +77,7 @@ def track_video(
 ) -> Tracked:
     """Track objects from the source's first frame on, writing as it goes.
 
+    Frames of a file are read ahead, and those of the video drawn and encoded behind, in threads.
     Ctrl-C and a source that breaks end the run; what was tracked until then stays written.
 
     Args:
@@ -93,32 +96,27 @@ def track_video(
     """
     outcome = Tracked()
     try:
-        for frame in source:
-            started = time.perf_counter()
-            if outcome.frames == 0:
-                for name, box in objects.items():
-                    tracker.add(frame.image, box, name)
-                outcome.last = tracker.results
-            else:
-                outcome.last = tracker.update(frame.image)
-                outcome.seconds += time.perf_counter() - started
-                crop_seconds, network_seconds = time_spent(tracker)
-                outcome.crop_seconds += crop_seconds
-                outcome.network_seconds += network_seconds
-                outcome.updates += 1
-            outcome.statuses.update(str(r.status) for r in outcome.last.values())
-            if results is not None:
-                results.write(frame.index, frame.timestamp, outcome.last.values())
-            if video is not None:
-                video.write(draw_results(frame.image, outcome.last.values()))
-            outcome.frames += 1
-            if on_frame is not None:
-                on_frame(frame, outcome)
-            if outcome.frames == max_frames:
-                return outcome
-            if stop():
-                outcome.interrupted = True
-                return outcome
+        with ExitStack() as stack:
+            frames: Iterable[Frame] = source
+            # What is live is taken as it comes: frames read ahead would be old ones.
+            if source.frame_count is not None:
+                frames = stack.enter_context(ReadAhead(source))
+            drawn = None if video is None else stack.enter_context(WriteBehind(_drawer(video)))
+            for frame in frames:
+                _follow(tracker, frame, objects, outcome)
+                found = list(outcome.last.values())
+                if results is not None:
+                    results.write(frame.index, frame.timestamp, found)
+                if drawn is not None:
+                    drawn.put((frame.image, found))
+                outcome.frames += 1
+                if on_frame is not None:
+                    on_frame(frame, outcome)
+                if outcome.frames == max_frames:
+                    return outcome
+                if stop():
+                    outcome.interrupted = True
+                    return outcome
     except KeyboardInterrupt:
         outcome.interrupted = True
         return outcome
@@ -132,3 +130,31 @@ def track_video(
     if source.frame_count is not None:
         outcome.missing = max(0, source.frame_count - (frame.index + 1))
     return outcome
+
+
+def _follow(
+    tracker: ObjectTracker, frame: Frame, objects: Mapping[str, Box], outcome: Tracked
+) -> None:
+    """Start the objects in the first frame, follow them in every other, and note what it took."""
+    if outcome.frames == 0:
+        for name, box in objects.items():
+            tracker.add(frame.image, box, name)
+        outcome.last = tracker.results
+    else:
+        started = time.perf_counter()
+        outcome.last = tracker.update(frame.image)
+        outcome.seconds += time.perf_counter() - started
+        crop_seconds, network_seconds = time_spent(tracker)
+        outcome.crop_seconds += crop_seconds
+        outcome.network_seconds += network_seconds
+        outcome.updates += 1
+    outcome.statuses.update(str(r.status) for r in outcome.last.values())
+
+
+def _drawer(video: VideoWriter) -> Callable[[tuple[NDArray[np.uint8], list[Result]]], None]:
+    """What draws the results of a frame and encodes it."""
+
+    def draw(item: tuple[NDArray[np.uint8], list[Result]]) -> None:
+        video.write(draw_results(*item))
+
+    return draw
