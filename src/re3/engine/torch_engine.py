@@ -10,6 +10,7 @@ import torch
 from numpy.typing import NDArray
 
 from re3.engine.base import StepOutput
+from re3.network.variants import Network
 from re3.network.weights import load_network
 
 
@@ -17,17 +18,18 @@ class TorchEngine:
     """Runs a network from its .safetensors file, or from the weights in an exported .onnx file.
 
     Args:
-        path: of the file.
+        source: path of the file, or the network itself.
         threads: of torch, for the whole process; 0 leaves them as they are.
 
     Raises:
         ValueError: a file that holds no weights of a known network.
     """
 
-    def __init__(self, path: str | Path, threads: int = 0) -> None:
+    def __init__(self, source: str | Path | Network, threads: int = 0) -> None:
         if threads:
             torch.set_num_threads(threads)
-        self._network = load_network(path).eval()
+        network = load_network(source) if isinstance(source, str | Path) else source
+        self._network = network.eval()
         self.spec = self._network.spec()
 
     def step(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -19,12 +20,19 @@ from re3.network.variants import Network
 from re3.network.weights import HALF_SUFFIX
 
 OPSET = 17
+OPSETS = range(13, 21)
+"""Versions of ONNX's operators that a graph can be written in."""
+
+DATA_SUFFIX = ".data"
+
+Change = Callable[[onnx.ModelProto], onnx.ModelProto]
+"""What makes a graph into another one that computes (nearly) the same."""
 
 HALF_FROM = 256
 """Weights with fewer elements stay in single precision: they cost nothing."""
 
 
-class _Step(nn.Module):
+class OneStep(nn.Module):
     """The network with the state as positional tensors, as ONNX has it."""
 
     def __init__(self, network: Network) -> None:
@@ -38,7 +46,15 @@ class _Step(nn.Module):
         return corners, score, *new_state
 
 
-def export_onnx(network: Network, path: str | Path, *, half_weights: bool = True) -> None:
+def export_onnx(
+    network: Network,
+    path: str | Path,
+    *,
+    half_weights: bool = True,
+    opset: int = OPSET,
+    change: Change | None = None,
+    weights_apart: bool = False,
+) -> None:
     """Write the one-step graph.
 
     Inputs `previous_crops` (of networks that take any) and `current_crops` are uint8
@@ -50,53 +66,78 @@ def export_onnx(network: Network, path: str | Path, *, half_weights: bool = True
         path: of the .onnx file; written whole or not at all.
         half_weights: store weights as fp16, cast to fp32 once when the file is loaded. Arithmetic
             stays fp32.
+        opset: version of the operators, one of `OPSETS`.
+        change: made to the graph while its weights are fp32, such as `quantize_products`.
+        weights_apart: put large weights into a file of their own, `path` with `.data` after it,
+            which runtimes map into memory rather than copy. The two belong together.
+
+    Raises:
+        ValueError: another opset, or whatever `change` raises.
     """
+    if opset not in OPSETS:
+        raise ValueError(f"opset is {opset}; expected {OPSETS[0]} to {OPSETS[-1]}")
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_suffix(f".{os.getpid()}.partial")
     try:
-        _trace(network, partial)
+        _trace(network, partial, opset)
         model = onnx.load(str(partial))
         _pad_in_convolutions(model)
         _spell_prelu_out(model)
+        if change is not None:
+            model = change(model)
         if half_weights:
             _halve(model)
-        entry = model.metadata_props.add()
-        entry.key, entry.value = SPEC_KEY, network.spec().to_json()
+        helper.set_model_props(model, {SPEC_KEY: network.spec().to_json()})
         onnx.checker.check_model(model)
-        partial.write_bytes(model.SerializeToString())
+        apart = path.with_name(path.name + DATA_SUFFIX)
+        apart.unlink(missing_ok=True)  # of an earlier file of that name; it would be added to
+        if weights_apart:
+            onnx.save_model(
+                model, partial, save_as_external_data=True, location=apart.name, size_threshold=4096
+            )
+        else:
+            partial.write_bytes(model.SerializeToString())
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)
 
 
-def _trace(network: Network, path: Path) -> None:
-    """Write the plain graph, weights under their own names."""
+def example_inputs(network: Network) -> dict[str, Tensor]:
+    """Zeros for two objects by name, in the order in which `OneStep` takes them."""
     spec = network.spec()
-    names = list(spec.state)
     crops = {
         name: torch.zeros(2, crop.size, crop.size, 3, dtype=torch.uint8)
         for name, crop in (("previous_crops", spec.previous), ("current_crops", spec.current))
         if crop is not None
     }
-    inputs = [*crops, *names]
-    outputs = ["corners", "score", *(f"new_{name}" for name in names)]
+    return {**crops, **network.zero_state(2)._asdict()}
+
+
+def output_names(network: Network) -> list[str]:
+    """Of what `OneStep` gives, in order."""
+    return ["corners", "score", *(f"new_{name}" for name in network.spec().state)]
+
+
+def _trace(network: Network, path: Path, opset: int) -> None:
+    """Write the plain graph, weights under their own names."""
+    inputs, outputs = example_inputs(network), output_names(network)
     training = network.training
     network.eval()
     with warnings.catch_warnings(), torch.no_grad():
         warnings.simplefilter("ignore")  # of the tracer, about shapes that are constant here
         torch.onnx.export(
-            _Step(network),
-            (*crops.values(), *network.zero_state(2)),
+            OneStep(network),
+            tuple(inputs.values()),
             str(path),
-            input_names=inputs,
+            input_names=list(inputs),
             output_names=outputs,
             dynamic_axes={name: {0: "objects"} for name in (*inputs, *outputs)},
             # Weights keep their names, so that `load_network` finds them; the runtime folds and
             # fuses when it loads.
             do_constant_folding=False,
             training=torch.onnx.TrainingMode.PRESERVE,
-            opset_version=OPSET,
+            opset_version=opset,
             dynamo=False,
         )
     network.train(training)
