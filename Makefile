@@ -14,7 +14,7 @@ EVAL ?=
 NANOTRACK := $(if $(wildcard ../shared/peers/nanotrack),-t nanotrack-v2 -t nanotrack-v3)
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: demo test lint eval train clean
+.PHONY: demo test lint eval speed train clean
 
 demo: $(VENV)/.tracking
 	$(BIN)/python examples/demo.py
@@ -32,6 +32,10 @@ eval: $(VENV)/.report
 	    -t re3-lite -t kcf -t kcf-persistent -t csrt -t mosse -t medianflow -t first-box \
 	    -t random-walk $(NANOTRACK) $(EVAL) --out out/eval
 	cp out/eval/report.md docs/benchmarks.md
+
+# Every measurement of speed, into docs/speed-figures.md; one alone: SPEED="--only limits".
+speed: $(VENV)/.development
+	$(BIN)/python benchmarks/figures.py $(SPEED)
 
 train: $(VENV)/.development
 	nice $(BIN)/re3 train --model re3-lite --data $(SHARED_DATA)/train --out runs/re3-lite

@@ -1,0 +1,110 @@
+"""The programs in benchmarks/: what they compute, and that each explains itself."""
+
+import importlib.util
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+FOLDER = Path(__file__).parents[2] / "benchmarks"
+
+
+def program(name):
+    """One of the programs as a module."""
+    spec = importlib.util.spec_from_file_location(f"benchmark_{name}", FOLDER / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # dataclasses look their module up
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("path", sorted(FOLDER.glob("*.py")), ids=lambda path: path.stem)
+def test_each_explains_itself(path):
+    if path.stem == "limits":
+        pytest.importorskip("onnx", reason="reads networks")
+    done = subprocess.run(
+        [sys.executable, path, "--help"], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.startswith("usage:")
+
+
+@pytest.fixture(scope="module")
+def limits():
+    pytest.importorskip("onnx", reason="reads networks")
+    return program("limits")
+
+
+@pytest.mark.parametrize(
+    ("kind", "inputs", "output", "operations"),
+    [
+        ("MatMul", [[1, 100], [100, 7]], [1, 7], 1400),
+        ("FusedGemm", [[2, 100], [7]], [2, 7], 2800),  # its weights are packed away
+        ("Conv", [[1, 8, 10, 10], [4, 8, 3, 3]], [1, 4, 10, 10], 2 * 400 * 72),
+        ("Conv", [[1, 8, 10, 10], [8, 1, 3, 3]], [1, 8, 10, 10], 2 * 800 * 9),  # by channel
+        ("Relu", [[1, 4, 10, 10]], [1, 4, 10, 10], 400),
+    ],
+)
+def test_operations(limits, kind, inputs, output, operations):
+    arguments = {
+        "op_name": kind,
+        "input_type_shape": [{"float": shape} for shape in inputs],
+        "output_type_shape": [{"float": output}],
+    }
+    assert limits.operations_of(arguments) == operations
+
+
+@pytest.mark.parametrize(
+    ("name", "part"),
+    [
+        ("/network/trunk/conv.1/Conv", "trunk"),
+        ("network.head.fully_connected.0.weight_half", "fully connected"),
+        ("/network/head/lstm/first/Gemm", "LSTM"),
+        ("/network/head/score/score.2/Gemm", "readout"),
+        ("/network/head/Concat_5", "other"),
+    ],
+)
+def test_parts(limits, name, part):
+    assert limits.part_of(name) == part
+
+
+def test_the_parts_of_the_shipped_model_hold_all_its_weights(limits):
+    from re3.models import list_models
+
+    parameters = next(card.parameters for card in list_models() if card.name == "re3-lite")
+    held = limits.weight_bytes("re3-lite")
+    assert set(held) >= {"trunk", "fully connected", "LSTM", "readout"}
+    # The trunk's normalisation lies in its convolutions; a few constants come on top.
+    assert sum(held.values()) == pytest.approx(4 * parameters, rel=0.02)
+
+
+def test_the_page_of_figures_keeps_what_is_not_measured_anew(tmp_path, monkeypatch):
+    figures = program("figures")
+    page = tmp_path / "figures.md"
+    monkeypatch.setattr(figures, "PAGE", page)
+    assert figures.read() == {}
+    sections = {
+        name: figures.section(name, f"{name} printed\n\n  this ") for name in ("limits", "video")
+    }
+    page.write_text("\n".join([figures.HEAD, *sections.values()]))
+    assert figures.read() == sections
+    assert "```sh\nre3 export re3 FOLDER/paper.onnx --untrained" in sections["limits"]
+    assert "video printed\n\n  this\n```" in sections["video"]
+
+
+def test_no_difference_between_a_network_and_itself(tmp_path):
+    torch = pytest.importorskip("torch", reason="writes a network")
+    from re3.benchmark.footage import made_footage
+    from re3.network.export import export_onnx
+    from re3.network.re3 import Re3, Re3Config
+
+    paper = program("paper_network")
+    paper.FRAMES = 33  # past a reset
+    torch.manual_seed(0)
+    path = tmp_path / "plain.onnx"
+    export_onnx(Re3(Re3Config(fully_connected=32, lstm_units=16)), path, half_weights=False)
+    made = made_footage(4)
+    same, moved = paper.compare(path, path, made.frames, made.box_xywh)
+    assert same.shape == (33,)
+    assert same.max() == 0
+    assert moved > 0
