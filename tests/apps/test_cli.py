@@ -42,6 +42,7 @@ COMMANDS = (
     "qualitative",
     "tsne",
     "train",
+    "ablate",
     "simulate",
     "export",
     "data",

@@ -30,7 +30,7 @@ def learnt(loss=1.0, steps=3, sequences=1, has_box=1.0):
 
 def note(records, iterations, loss=1.0):
     for iteration in iterations:
-        records.iteration(iteration, PHASE, learnt(loss), 1e-3, {"clips": 0.25})
+        records.iteration(iteration, PHASE, learnt(loss), 1e-3, {"clips": 0.25}, 0.5)
 
 
 def test_an_iteration_is_a_line(tmp_path):
@@ -48,6 +48,7 @@ def test_an_iteration_is_a_line(tmp_path):
                 "unroll": 2,
                 "batch": 1,
                 "seconds": {"clips": 0.25},
+                "processor": 0.5,
             }
         ]
 

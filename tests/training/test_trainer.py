@@ -30,7 +30,7 @@ def tiny_network():
 
 @pytest.fixture(scope="module")
 def trunk():
-    return FrozenTrunk(tiny_network(), TINY.current.size, 2)
+    return FrozenTrunk(tiny_network(), 2)
 
 
 def roll(sampler, own, trunk, network=None, noise=QUIET, steps=4):
@@ -38,7 +38,7 @@ def roll(sampler, own, trunk, network=None, noise=QUIET, steps=4):
     network = network or tiny_network()
     with ThreadPoolExecutor(2) as pool:
         rng = np.random.default_rng(0)
-        return clips, roll_out(clips, np.array(own), network.head, trunk, noise, rng, pool)
+        return clips, roll_out(clips, np.array(own), network, trunk, noise, rng, pool)
 
 
 def test_the_frozen_trunk_equals_torch(trunk):
@@ -68,7 +68,7 @@ def test_after_a_leap_the_crop_is_cut_at_the_truth(trunk):
         rollout = roll_out(
             [clip],
             np.array([False]),
-            tiny_network().head,
+            tiny_network(),
             trunk,
             QUIET,
             np.random.default_rng(0),

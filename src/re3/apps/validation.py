@@ -17,7 +17,7 @@ from re3.evaluation.sequence_result import SequenceResult
 from re3.evaluation.supervised import run_supervised
 
 if TYPE_CHECKING:
-    from re3.network.re3_lite import Re3Lite
+    from re3.network.base import StepNetwork
 
 
 class Validation:
@@ -32,12 +32,9 @@ class Validation:
     """
 
     def __init__(self, folder: Path, clips: int | None = None) -> None:
-        found = read_dataset(folder)
-        if not found:
-            raise ValueError(f"{folder} holds no annotated clips to validate on")
-        self.sequences = _evenly(found, clips)
+        self.sequences = clips_of(folder, clips)
 
-    def __call__(self, network: Re3Lite) -> dict[str, float]:
+    def __call__(self, network: StepNetwork) -> dict[str, float]:
         """`AUC`, mean over the clips, then `drops`, `accuracy` and `robustness` of Table I."""
         from re3.network.export import export_onnx
 
@@ -61,6 +58,18 @@ def figures(factory: TrackerFactory, sequences: list[Sequence]) -> dict[str, flo
         "accuracy": table.accuracy,
         "robustness": table.robustness,
     }
+
+
+def clips_of(folder: Path, count: int | None = None) -> list[Sequence]:
+    """The annotated clips in a folder, or so many of them, evenly taken from all.
+
+    Raises:
+        ValueError: no clips there, or `count` is below 1.
+    """
+    found = read_dataset(folder)
+    if not found:
+        raise ValueError(f"{folder} holds no annotated clips to validate on")
+    return _evenly(found, count)
 
 
 def _evenly(sequences: list[Sequence], count: int | None) -> list[Sequence]:

@@ -41,7 +41,7 @@ class Environment:
         """The environment of this process, now."""
         return Environment(
             cpu=_cpu_name(),
-            cores=_usable_cores(),
+            cores=usable_cores(),
             load=_load(),
             system=f"{platform.system()} {platform.machine()}",
             date=datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
@@ -65,7 +65,8 @@ def _cpu_name() -> str:
     return platform.processor() or platform.machine() or "unknown"
 
 
-def _usable_cores() -> int:
+def usable_cores() -> int:
+    """Cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

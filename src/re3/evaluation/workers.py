@@ -185,7 +185,7 @@ class _Worker:
 
 def _serve(connection: Connection, shared: Any) -> None:
     """What a worker does: task after task, until the connection ends."""
-    _detach()
+    detach()
     shared[_SIGNS] += 1
     while True:
         try:
@@ -211,7 +211,7 @@ def _serve(connection: Connection, shared: Any) -> None:
         connection.send_bytes(pickle.dumps(run_task(task, on_frame, on_made)))
 
 
-def _detach() -> None:
+def detach() -> None:
     """Make this process one that ends with its parent, and neither before nor after."""
     # Ctrl-C is the parent's to handle; it ends its workers.
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -15,6 +15,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from re3.model_spec import CropSpec, ModelSpec
+from re3.network.base import StepNetwork
 from re3.network.caffenet import CROP_SIZE
 from re3.network.peephole_lstm import CellState, FactoredLSTM
 from re3.network.re3 import Re3Config, Re3State
@@ -139,7 +140,7 @@ class SmallTrunk(nn.Module):
         return x.flatten(1)
 
 
-class AuthorsSmall(nn.Module):
+class AuthorsSmall(StepNetwork):
     """Five convolutions, one fully connected layer, two plain LSTM cells, two layers to corners."""
 
     def __init__(self, config: AuthorsSmallConfig | None = None) -> None:
@@ -159,8 +160,7 @@ class AuthorsSmall(nn.Module):
 
     def zero_state(self, objects: int, device: torch.device | str = "cpu") -> Re3State:
         """The state of so many objects before their first forward pass."""
-        shapes = self.spec().state
-        return Re3State(**{k: torch.zeros(objects, *s, device=device) for k, s in shapes.items()})
+        return Re3State(*self._zeros(objects, device))
 
     def forward(
         self, previous_crops: Tensor, current_crops: Tensor, state: Re3State

@@ -16,7 +16,7 @@ from onnx.reference import ReferenceEvaluator
 from torch import Tensor, nn
 
 from re3.model_spec import SPEC_KEY
-from re3.network.variants import Network
+from re3.network.base import StepNetwork
 from re3.network.weights import HALF_SUFFIX
 
 OPSET = 17
@@ -35,7 +35,7 @@ HALF_FROM = 256
 class OneStep(nn.Module):
     """The network with the state as positional tensors, as ONNX has it."""
 
-    def __init__(self, network: Network) -> None:
+    def __init__(self, network: StepNetwork) -> None:
         super().__init__()
         self.network = network
 
@@ -47,7 +47,7 @@ class OneStep(nn.Module):
 
 
 def export_onnx(
-    network: Network,
+    network: StepNetwork,
     path: str | Path,
     *,
     half_weights: bool = True,
@@ -103,7 +103,7 @@ def export_onnx(
         partial.unlink(missing_ok=True)
 
 
-def example_inputs(network: Network) -> dict[str, Tensor]:
+def example_inputs(network: StepNetwork) -> dict[str, Tensor]:
     """Zeros for two objects by name, in the order in which `OneStep` takes them."""
     spec = network.spec()
     crops = {
@@ -114,12 +114,12 @@ def example_inputs(network: Network) -> dict[str, Tensor]:
     return {**crops, **network.zero_state(2)._asdict()}
 
 
-def output_names(network: Network) -> list[str]:
+def output_names(network: StepNetwork) -> list[str]:
     """Of what `OneStep` gives, in order."""
     return ["corners", "score", *(f"new_{name}" for name in network.spec().state)]
 
 
-def _trace(network: Network, path: Path, opset: int) -> None:
+def _trace(network: StepNetwork, path: Path, opset: int) -> None:
     """Write the plain graph, weights under their own names."""
     inputs, outputs = example_inputs(network), output_names(network)
     training = network.training

@@ -90,9 +90,39 @@ class FactoredLSTM(nn.Module):
         self.second = PeepholeLSTMCell(inputs + units, units)
 
     def forward(
-        self, features: Tensor, state: tuple[CellState, CellState]
-    ) -> tuple[Tensor, tuple[CellState, CellState]]:
+        self, features: Tensor, state: tuple[CellState, ...]
+    ) -> tuple[Tensor, tuple[CellState, ...]]:
         """Features `[N, inputs]` to the second cell's output `[N, units]` and the new state."""
         first = self.first(features, state[0])
         second = self.second(torch.cat([features, first.output], dim=1), state[1])
         return second.output, (first, second)
+
+
+class OneLayerLSTM(nn.Module):
+    """A single cell (Re3, Table I, models C to F).
+
+    Args:
+        inputs: length of the visual features.
+        units: of the cell.
+    """
+
+    def __init__(self, inputs: int, units: int) -> None:
+        super().__init__()
+        self.first = PeepholeLSTMCell(inputs, units)
+
+    def forward(
+        self, features: Tensor, state: tuple[CellState, ...]
+    ) -> tuple[Tensor, tuple[CellState, ...]]:
+        """Features `[N, inputs]` to the cell's output `[N, units]` and the new state."""
+        first = self.first(features, state[0])
+        return first.output, (first,)
+
+
+class NoRecurrence(nn.Module):
+    """Features as they come, without a state (Re3, Table I, models A and B)."""
+
+    def forward(
+        self, features: Tensor, state: tuple[CellState, ...]
+    ) -> tuple[Tensor, tuple[CellState, ...]]:
+        """Features and state, unchanged."""
+        return features, state

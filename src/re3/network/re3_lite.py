@@ -23,6 +23,7 @@ from torch import Tensor, nn
 
 from re3.geometry import REGRESSION_SCALE
 from re3.model_spec import CropSpec, ModelSpec
+from re3.network.base import Maps, Prediction, Seen, TrackingNetwork
 from re3.network.efficientnet_lite import (
     OUT_CHANNELS,
     PIXEL_MEAN,
@@ -401,12 +402,24 @@ class LiteHead(nn.Module):
         return self.read(fused, torch.cat(outputs), view, embedding, template)
 
 
+def _three(maps: Maps) -> Features:
+    at4, at8, at16 = maps
+    return at4, at8, at16
+
+
 def _middle(maps: Tensor, cells: int) -> Tensor:
     start = (maps.shape[-1] - cells) // 2
     return maps[:, :, start : start + cells, start : start + cells]
 
 
-class Re3Lite(nn.Module):
+class LiteMemory(NamedTuple):
+    """What a step of a roll-out leaves for the next."""
+
+    state: LiteState
+    embedding: Tensor  # [N, C, G, G]: of the current crop
+
+
+class Re3Lite(TrackingNetwork):
     """Trunk and head: a batch of crops and a state in, corners, score and state out."""
 
     def __init__(self, config: LiteConfig | None = None) -> None:
@@ -423,9 +436,28 @@ class Re3Lite(nn.Module):
         """The state of so many objects before their first forward pass."""
         return self.head.zero_state(objects, device)
 
+    def parts(self) -> dict[str, nn.Module]:
+        """The parts of the head, by name."""
+        return dict(self.head.named_children())
+
     def features(self, crops: Tensor) -> Features:
         """Trunk maps of uint8 `[N, S, S, 3]` BGR crops."""
         return self.trunk(crops.permute(0, 3, 1, 2).float() - PIXEL_MEAN)
+
+    def walk(self, seen: Seen, memory: LiteMemory | None) -> tuple[Tensor, LiteMemory]:
+        """One step of N tracks, which looks at the frame before about `seen.looked`."""
+        embedding = self.head.embedding(_three(seen.current))
+        if memory is None:
+            state = self.zero_state(len(embedding), embedding.device)
+        else:
+            state = memory.state._replace(view=self.head.view(memory.embedding, seen.looked))
+        output, state = self.head(embedding, state)
+        return output.corners, LiteMemory(state, embedding)
+
+    def unroll(self, seen: Seen, steps: int) -> Prediction:
+        """All steps of fresh tracks at once; see `LiteHead.unroll`."""
+        output = self.head.unroll(_three(seen.current), seen.looked, steps)
+        return Prediction(output.corners, output.score_logit, output.heat_logits)
 
     def forward(self, crops: Tensor, state: LiteState) -> tuple[Tensor, Tensor, LiteState]:
         """One step of N objects.

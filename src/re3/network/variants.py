@@ -1,11 +1,12 @@
-"""The named networks."""
+"""The named networks: `re3`, `re3-lite`, and the models of Table I as `paper-A` to `lite-K`."""
 
 from __future__ import annotations
 
-from re3.network.alexnet import AlexNetConfig, Re3AlexNet
 from re3.network.authors import AuthorsConfig, AuthorsSmall, AuthorsSmallConfig
+from re3.network.base import TrackingNetwork
 from re3.network.re3 import Re3, Re3Config
 from re3.network.re3_lite import LiteConfig, Re3Lite
+from re3.network.table_one import CONFIGS
 
 Network = Re3 | Re3Lite | AuthorsSmall
 Config = Re3Config | LiteConfig | AuthorsSmallConfig
@@ -15,7 +16,8 @@ VARIANTS: dict[str, Config] = {
     "re3-lite": LiteConfig(),
     "re3-authors": AuthorsConfig(),
     "re3-authors-small": AuthorsSmallConfig(),
-    "re3-alexnet": AlexNetConfig(),
+    "re3-alexnet": Re3Config(name="re3-alexnet", trunk="alexnet"),
+    **CONFIGS,
 }
 
 
@@ -34,6 +36,18 @@ def build(variant: str | Config) -> Network:
         variant = VARIANTS[variant]
     if isinstance(variant, AuthorsSmallConfig):
         return AuthorsSmall(variant)
-    if isinstance(variant, AlexNetConfig):
-        return Re3AlexNet(variant)
     return Re3(variant) if isinstance(variant, Re3Config) else Re3Lite(variant)
+
+
+def trainable(network: Network) -> TrackingNetwork:
+    """The same network, seen to be one that can be trained.
+
+    Raises:
+        ValueError: it is of a kind that is only there to run weights of others.
+    """
+    if not isinstance(network, TrackingNetwork):
+        raise ValueError(
+            f"{network.spec().name!r} can be tracked with, not trained; expected re3-lite, re3 or "
+            "a model of the ablation study"
+        )
+    return network

@@ -11,6 +11,7 @@ from safetensors.torch import save_file
 from torch import Tensor
 
 from re3.model_spec import SPEC_KEY, ModelSpec
+from re3.network.base import StepNetwork
 from re3.network.variants import VARIANTS, Network, build
 
 VARIANT_KEY = "re3_variant"
@@ -18,7 +19,7 @@ HALF_SUFFIX = "_half"
 """Weights that an ONNX file stores in half precision have this after their name."""
 
 
-def save_weights(network: Network, path: str | Path, *, half: bool = False) -> None:
+def save_weights(network: StepNetwork, path: str | Path, *, half: bool = False) -> None:
     """Write a network's weights as safetensors, whole or not at all.
 
     Args:
@@ -32,7 +33,7 @@ def save_weights(network: Network, path: str | Path, *, half: bool = False) -> N
     if half:
         values = {k: v.half() if v.is_floating_point() else v for k, v in values.items()}
     partial = path.with_suffix(f".{os.getpid()}.partial")
-    save_file(values, partial, metadata={VARIANT_KEY: network.config.name})
+    save_file(values, partial, metadata={VARIANT_KEY: network.spec().name})
     partial.replace(path)
 
 

@@ -18,43 +18,45 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from re3.network.re3_lite import Features, Re3Lite
+from re3.network.base import Maps, TrackingNetwork
 from re3.training.device import Device
 
-Trunk = Callable[[NDArray[np.uint8]], Features]
-"""Makes trunk maps of uint8 `[N, S, S, 3]` BGR crops."""
+Trunk = Callable[[NDArray[np.uint8]], Maps]
+"""Makes the network's maps of uint8 `[N, S, S, 3]` BGR crops, previous or current."""
 
 CHUNK = 8
 """Crops in one call: more at once run slower for each, as their maps leave the cache."""
 
 
 class FrozenTrunk:
-    """The trunk of a network at one crop size.
+    """The trunk of a network as it is now, for the sizes of its crops.
 
     Args:
         network: whose trunk is copied.
-        size: side of the crops in pixels.
         threads: of ONNX Runtime.
     """
 
-    def __init__(self, network: Re3Lite, size: int, threads: int) -> None:
+    def __init__(self, network: TrackingNetwork, threads: int) -> None:
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = threads
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-        self.session = onnxruntime.InferenceSession(
-            _to_onnx(network, size), options, providers=["CPUExecutionProvider"]
-        )
+        spec = network.spec()
+        # Padding depends on the size: a graph each.
+        self.sessions = {
+            size: onnxruntime.InferenceSession(
+                _to_onnx(network, size), options, providers=["CPUExecutionProvider"]
+            )
+            for size in {crop.size for crop in (spec.previous, spec.current) if crop is not None}
+        }
 
-    def __call__(self, crops: NDArray[np.uint8]) -> Features:
+    def __call__(self, crops: NDArray[np.uint8]) -> Maps:
         """Trunk maps of uint8 `[N, S, S, 3]` BGR crops."""
+        session = self.sessions[crops.shape[1]]
         parts = [
-            self.session.run(None, {"crops": crops[start : start + CHUNK]})
+            session.run(None, {"crops": crops[start : start + CHUNK]})
             for start in range(0, len(crops), CHUNK)
         ]
-        at4, at8, at16 = (
-            torch.from_numpy(np.concatenate(maps)) for maps in zip(*parts, strict=True)
-        )
-        return at4, at8, at16
+        return tuple(torch.from_numpy(np.concatenate(maps)) for maps in zip(*parts, strict=True))
 
 
 class TorchTrunk:
@@ -65,28 +67,29 @@ class TorchTrunk:
         device: on which the network is.
     """
 
-    def __init__(self, network: Re3Lite, device: Device) -> None:
+    def __init__(self, network: TrackingNetwork, device: Device) -> None:
         self.network, self.device = network, device
 
-    def __call__(self, crops: NDArray[np.uint8]) -> Features:
+    def __call__(self, crops: NDArray[np.uint8]) -> Maps:
         """Trunk maps of uint8 `[N, S, S, 3]` BGR crops, in single precision, on the device."""
         with torch.no_grad(), self.device.autocast():
-            on_device = torch.from_numpy(crops).to(self.device.torch)
-            at4, at8, at16 = self.network.features(on_device)
-        return at4.float(), at8.float(), at16.float()
+            maps = self.network.features(torch.from_numpy(crops).to(self.device.torch))
+        return tuple(one.float() for one in maps)
 
 
 class _Trunk(nn.Module):
-    def __init__(self, network: Re3Lite) -> None:
+    def __init__(self, network: TrackingNetwork) -> None:
         super().__init__()
         self.network = network
 
-    def forward(self, crops: Tensor) -> Features:
+    def forward(self, crops: Tensor) -> Maps:
         return self.network.features(crops)
 
 
-def _to_onnx(network: Re3Lite, size: int) -> bytes:
+def _to_onnx(network: TrackingNetwork, size: int) -> bytes:
     example = torch.zeros(2, size, size, 3, dtype=torch.uint8)
+    with torch.no_grad():
+        outputs = [f"map{index}" for index in range(len(network.features(example)))]
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         path = str(Path(folder) / "trunk.onnx")
         warnings.simplefilter("ignore")  # of the tracer, about shapes that are constant here
@@ -95,8 +98,8 @@ def _to_onnx(network: Re3Lite, size: int) -> bytes:
             (example,),
             path,
             input_names=["crops"],
-            output_names=["at4", "at8", "at16"],
-            dynamic_axes={name: {0: "n"} for name in ("crops", "at4", "at8", "at16")},
+            output_names=outputs,
+            dynamic_axes={name: {0: "n"} for name in ("crops", *outputs)},
             opset_version=17,
             dynamo=False,
         )

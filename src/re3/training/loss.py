@@ -14,7 +14,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from re3.geometry import REGRESSION_SCALE
-from re3.network.re3_lite import LiteOutput
+from re3.network.base import Prediction
 from re3.training.distributed import ALONE, Processes
 from re3.training.recipe import LossWeights
 
@@ -77,7 +77,7 @@ def corner_cells(targets: Tensor, grid: int) -> tuple[Tensor, Tensor]:
 
 
 def tracking_loss(
-    output: LiteOutput,
+    output: Prediction,
     targets: Tensor,
     has_box: Tensor,
     hidden: Tensor,
@@ -87,7 +87,7 @@ def tracking_loss(
     """Loss of N steps.
 
     Args:
-        output: of the head.
+        output: of the network; what it does not predict has no term.
         targets: `[N, 4]` true corners in regression units.
         has_box: `[N]`, 1 where there is a true box inside the crop.
         hidden: `[N]`, 1 where the object is all but hidden.
@@ -95,21 +95,26 @@ def tracking_loss(
         processes: that have a share of the batch, each of N steps.
     """
     weight = has_box * (1 - hidden * (1 - weights.hidden))
-    cells, inside = corner_cells(targets, output.heat_logits.shape[-1])
-    corner_weight = inside * weight[:, None]  # [N, 2]
-    sums = torch.stack([weight.sum(), corner_weight.sum(), has_box.sum()])
-    boxes, heats, present = processes.sum(sums).clamp(min=1.0) / processes.count
+    sums, heat = [weight.sum(), has_box.sum()], None
+    if output.heat_logits is not None:
+        cells, inside = corner_cells(targets, output.heat_logits.shape[-1])
+        corner_weight = inside * weight[:, None]  # [N, 2]
+        log_heat = F.log_softmax(output.heat_logits.flatten(2), dim=2)
+        entropy = -(cells.flatten(2) * log_heat).sum(dim=2)  # [N, 2]
+        heat = (entropy * corner_weight).sum()
+        sums.append(corner_weight.sum())
+    boxes, present, *heats = processes.sum(torch.stack(sums)).clamp(min=1.0) / processes.count
 
     iou, giou = overlaps(output.corners, targets)
     reached = (iou * has_box).detach()
-    log_heat = F.log_softmax(output.heat_logits.flatten(2), dim=2)
-    entropy = -(cells.flatten(2) * log_heat).sum(dim=2)  # [N, 2]
     terms = {
         "corners": ((output.corners - targets).abs().mean(dim=1) * weight).sum() / boxes,
         "overlap": ((1 - giou) * weight).sum() / boxes,
-        "heat": (entropy * corner_weight).sum() / heats,
-        "score": F.binary_cross_entropy_with_logits(output.score_logit, reached),
     }
+    if heat is not None:
+        terms["heat"] = heat / heats[0]
+    if output.score_logit is not None:
+        terms["score"] = F.binary_cross_entropy_with_logits(output.score_logit, reached)
     factors = asdict(weights)
     total = torch.stack([factors[name] * term for name, term in terms.items()]).sum()
 

@@ -79,7 +79,13 @@ class Records:
         self._events.close()
 
     def iteration(
-        self, iteration: int, phase: Phase, learnt: Learnt, rate: float, seconds: dict[str, float]
+        self,
+        iteration: int,
+        phase: Phase,
+        learnt: Learnt,
+        rate: float,
+        seconds: dict[str, float],
+        processor: float,
     ) -> None:
         """Note an iteration.
 
@@ -89,6 +95,7 @@ class Records:
             learnt: by its last step of the optimiser.
             rate: of learning.
             seconds: that each part of it took; `clips` is the time waited for data.
+            processor: seconds that this process has had of the processor, in all its threads.
         """
         losses = learnt.losses
         figures = {
@@ -106,6 +113,7 @@ class Records:
                 "terms": losses.parts,
                 **figures,
                 "seconds": {name: round(value, 4) for name, value in seconds.items()},
+                "processor": round(processor, 4),
             }
         )
         if iteration % SCALARS_EVERY == 0:

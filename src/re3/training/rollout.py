@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence as Several
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import torch
@@ -20,7 +21,7 @@ from re3 import geometry
 from re3.data.clip import Clip
 from re3.geometry import Floats
 from re3.model_spec import CropSpec
-from re3.network.re3_lite import Features, LiteHead
+from re3.network.base import Maps, Seen, TrackingNetwork
 from re3.training.draws import Draws
 from re3.training.features import Trunk
 from re3.training.recipe import CropNoise
@@ -54,25 +55,32 @@ class Rollout:
         hidden: `[steps * N]`, 1 where it is all but hidden.
         steps: number of steps, the initialisation frame included.
         put_back: share of own predictions that had to be put back on the truth.
+        previous_images, previous: the previous crops, about the same box, and their trunk maps;
+            None for a network that takes none.
     """
 
     images: NDArray[np.uint8]
-    crops: Features
+    crops: Maps
     looked: Tensor
     targets: Tensor
     has_box: Tensor
     hidden: Tensor
     steps: int
     put_back: float
+    previous_images: NDArray[np.uint8] | None = None
+    previous: Maps | None = None
 
     def part(self, sequences: NDArray[np.int64]) -> Rollout:
         """The roll-out of some of its sequences, by their position in the batch."""
         batch = len(self.targets) // self.steps
         rows = torch.from_numpy((np.arange(self.steps)[:, None] * batch + sequences).reshape(-1))
+        before = self.previous_images
         return replace(
             self,
             images=self.images[rows.numpy()],
+            previous_images=None if before is None else before[rows.numpy()],
             crops=_pick(self.crops, rows),
+            previous=None if self.previous is None else _pick(self.previous, rows),
             looked=self.looked[rows],
             targets=self.targets[rows],
             has_box=self.has_box[rows],
@@ -83,7 +91,7 @@ class Rollout:
 def roll_out(
     clips: Several[Clip],
     own: NDArray[np.bool_],
-    head: LiteHead,
+    network: TrackingNetwork,
     trunk: Trunk,
     noise: CropNoise,
     rng: Draws,
@@ -94,38 +102,43 @@ def roll_out(
     Args:
         clips: N clips of equal length; the object is present in the first frame.
         own: `[N]`, True where crops are cut at the network's own predictions.
-        head: decides where it looks next.
-        trunk: of the network, on the head's device.
+        network: decides where it looks next.
+        trunk: of the network, on its device.
         noise: disturbance of the crops.
         rng: source of the noise.
         pool: cuts crops in parallel.
     """
-    config = head.config
+    spec = network.spec()
     truth = np.stack([clip.boxes_xyxy for clip in clips])  # [N, T, 4]
     visible = np.stack([clip.visible for clip in clips])  # [N, T]
     leaps = np.array([clip.leaps for clip in clips])  # [N]
     objects, steps = truth.shape[:2]
     boxes = truth[:, 0].copy()
     stays = rng.random(objects) < noise.stay_lost
-    device = next(head.parameters()).device
-    state = head.zero_state(objects, device)
+    device = next(network.parameters()).device
     images: list[NDArray[np.uint8]] = []
-    maps: list[Features] = []
+    maps: list[Maps] = []
+    previous_images: list[NDArray[np.uint8]] = []
+    previous: list[Maps] = []
     looked: list[Floats] = []
     targets, has_box, put_back = [], [], 0
-    embedding: Tensor | None = None
-    regions = geometry.search_region(boxes, config.current.context)
+    memory: Any | None = None
+    regions = geometry.search_region(boxes, spec.current.context)
     for t in range(steps):
         # After a leap the object may be anywhere: the crop is cut at the truth of its own frame.
         leapt = leaps & (t == 1)
         start = np.where(leapt[:, None], truth[:, t], boxes)
-        about, new_regions = _regions(start, own & ~leapt, t, noise, rng, config.current)
+        about, new_regions = _regions(start, own & ~leapt, t, noise, rng, spec.current)
         # What is known of the frame before is still about the box found there.
         known = np.where(leapt[:, None], boxes, about)
         looked.append(geometry.encode(known, regions) if t else np.zeros((objects, 4)))
         regions = new_regions
-        images.append(_crops(clips, t, regions, config.current.size, pool))
+        images.append(_crops(clips, t, regions, spec.current.size, pool))
         maps.append(trunk(images[-1]))
+        if spec.previous is not None:
+            around = geometry.search_region(known, spec.previous.context)
+            previous_images.append(_crops(clips, max(t - 1, 0), around, spec.previous.size, pool))
+            previous.append(trunk(previous_images[-1]))
 
         target = geometry.encode(truth[:, t], regions)
         centre = (target[:, :2] + target[:, 2:]) / 2 / geometry.REGRESSION_SCALE
@@ -141,14 +154,12 @@ def roll_out(
         boxes = np.where(present[:, None], truth[:, t], boxes)
         if own.any() and t < steps - 1:
             with torch.no_grad():
-                if embedding is not None:
-                    at = torch.from_numpy(looked[-1]).float().to(device)
-                    state = state._replace(view=head.view(embedding, at))
-                embedding = head.embedding(maps[-1])
-                output, state = head(embedding, state)
+                at = torch.from_numpy(looked[-1]).float().to(device)
+                before = previous[-1] if previous else None
+                corners, memory = network.walk(Seen(maps[-1], before, at), memory)
             if t == 0:
                 continue  # the box given is the first result
-            predicted = geometry.decode(output.corners.float().cpu().numpy(), regions)
+            predicted = geometry.decode(corners.float().cpu().numpy(), regions)
             usable = own & (_usable(predicted, truth[:, t], centre) | (stays & _sane(predicted)))
             put_back += int((own & ~usable).sum())
             boxes = np.where(usable[:, None], predicted, boxes)
@@ -161,6 +172,8 @@ def roll_out(
         hidden=torch.from_numpy((visible.T.reshape(-1) < HIDDEN).astype(np.float32)),
         steps=steps,
         put_back=put_back / max(1, int(own.sum()) * (steps - 2)),
+        previous_images=np.concatenate(previous_images) if previous_images else None,
+        previous=_stack(previous) if previous else None,
     )
 
 
@@ -223,11 +236,9 @@ def _usable(predicted: Floats, truth: Floats, centre: Floats) -> NDArray[np.bool
     return _sane(predicted) & ((near & alike) | np.isnan(true_area))
 
 
-def _stack(maps: list[Features]) -> Features:
-    at4, at8, at16 = (torch.cat(parts) for parts in zip(*maps, strict=True))
-    return at4, at8, at16
+def _stack(maps: list[Maps]) -> Maps:
+    return tuple(torch.cat(parts) for parts in zip(*maps, strict=True))
 
 
-def _pick(maps: Features, rows: Tensor) -> Features:
-    at4, at8, at16 = (scale[rows] for scale in maps)
-    return at4, at8, at16
+def _pick(maps: Maps, rows: Tensor) -> Maps:
+    return tuple(one[rows] for one in maps)

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn.parallel import DistributedDataParallel
 
-from re3.network.re3_lite import Features, LiteHead, LiteOutput, Re3Lite
+from re3.network.base import Maps, Prediction, Seen, TrackingNetwork
 from re3.training.device import Device
 from re3.training.distributed import Processes
 from re3.training.errors import TrainingError
@@ -60,7 +60,7 @@ class Learner:
 
     def __init__(
         self,
-        network: Re3Lite,
+        network: TrackingNetwork,
         recipe: Recipe,
         optimizer: torch.optim.Optimizer,
         device: Device,
@@ -82,10 +82,10 @@ class Learner:
                 left out, and the next loss is scaled less.
         """
         device = self.device.torch
-        crops = torch.from_numpy(rollout.images) if self.recipe.learn_trunk else rollout.crops
+        current, previous = self._crops(rollout)
         with self.device.autocast():
-            half = self.unroll(_to(crops, device), rollout.looked.to(device), rollout.steps)
-        output = LiteOutput(*(values.float() for values in half))
+            half = self.unroll(current, previous, rollout.looked.to(device), rollout.steps)
+        output = _single(half)
         losses = tracking_loss(
             output,
             rollout.targets.to(device),
@@ -107,6 +107,15 @@ class Learner:
         self.scaler.update()
         return Learnt(rollout, corners, losses, norm)
 
+    def _crops(self, rollout: Rollout) -> tuple[Maps | Tensor, Maps | Tensor | None]:
+        """Current and previous crops on the device: maps, or pixels where the trunk learns."""
+        device, before = self.device.torch, rollout.previous_images
+        if self.recipe.learn_trunk:
+            images = torch.from_numpy(rollout.images).to(device)
+            return images, None if before is None else torch.from_numpy(before).to(device)
+        previous = rollout.previous
+        return _to(rollout.crops, device), None if previous is None else _to(previous, device)
+
     def _clip(self) -> float:
         limit = math.inf if self.recipe.gradient_norm is None else self.recipe.gradient_norm
         learnt = [p for p in self.network.parameters() if p.requires_grad]
@@ -121,13 +130,13 @@ class Learner:
         return f"the norm of the gradient is {norm}, not finite in {', '.join(names[:3])}"
 
 
-def choose_parts(head: LiteHead, learns: tuple[str, ...]) -> None:
-    """Let only some parts of the head learn; all of them where none is named.
+def choose_parts(network: TrackingNetwork, learns: tuple[str, ...]) -> None:
+    """Let only some parts of the head learn, which is all but the trunk; all where none is named.
 
     Raises:
         TrainingError: it has no such part.
     """
-    parts = dict(head.named_children())
+    parts = network.parts()
     if unknown := sorted(set(learns) - parts.keys()):
         raise TrainingError(
             f"the recipe's `learns` names {', '.join(unknown)}; expected parts of the head: "
@@ -140,21 +149,34 @@ def choose_parts(head: LiteHead, learns: tuple[str, ...]) -> None:
 class _Unroll(nn.Module):
     """The network over all steps, as one module: what DistributedDataParallel wraps."""
 
-    def __init__(self, network: Re3Lite) -> None:
+    def __init__(self, network: TrackingNetwork) -> None:
         super().__init__()
         self.network = network
 
-    def forward(self, crops: Features | Tensor, looked: Tensor, steps: int) -> LiteOutput:
+    def forward(
+        self, current: Maps | Tensor, previous: Maps | Tensor | None, looked: Tensor, steps: int
+    ) -> Prediction:
         """From trunk maps, or from uint8 crops where the trunk learns as well."""
-        maps = self.network.features(crops) if isinstance(crops, Tensor) else crops
-        return self.network.head.unroll(maps, looked, steps)
+        maps = self._maps(current)
+        before = None if previous is None else self._maps(previous)
+        return self.network.unroll(Seen(maps, before, looked), steps)
+
+    def _maps(self, crops: Maps | Tensor) -> Maps:
+        return self.network.features(crops) if isinstance(crops, Tensor) else crops
 
 
-def _to(crops: Features | Tensor, device: torch.device) -> Features | Tensor:
-    if isinstance(crops, Tensor):
-        return crops.to(device)
-    at4, at8, at16 = crops
-    return at4.to(device), at8.to(device), at16.to(device)
+def _single(half: Prediction) -> Prediction:
+    """In single precision."""
+    score, heat = half.score_logit, half.heat_logits
+    return Prediction(
+        half.corners.float(),
+        None if score is None else score.float(),
+        None if heat is None else heat.float(),
+    )
+
+
+def _to(maps: Maps, device: torch.device) -> Maps:
+    return tuple(one.to(device) for one in maps)
 
 
 def _where(losses: Losses, corners: Tensor, steps: int) -> str:

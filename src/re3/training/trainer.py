@@ -17,7 +17,7 @@ import torch
 from torch.nn.utils import convert_conv2d_weight_memory_format
 
 from re3.data.sampling import ClipSampler
-from re3.network.re3_lite import Re3Lite
+from re3.network.base import TrackingNetwork
 from re3.training.average import update_average
 from re3.training.batches import Batches
 from re3.training.checkpoint import load, save_whole
@@ -38,7 +38,7 @@ CHECKPOINT = "checkpoint.pt"
 BEST = "best.pt"
 
 
-Validate = Callable[[Re3Lite], dict[str, float]]
+Validate = Callable[[TrackingNetwork], dict[str, float]]
 """Figures of a network on validation data; the first one decides which weights are best."""
 
 
@@ -68,7 +68,7 @@ class Trainer:
 
     def __init__(
         self,
-        network: Re3Lite,
+        network: TrackingNetwork,
         sampler: ClipSampler,
         recipe: Recipe,
         folder: str | Path,
@@ -85,9 +85,10 @@ class Trainer:
         # Batch normalisation keeps its statistics: batches are small, their crops alike.
         self.network = network.to(self.device.torch).eval()
         network.trunk.requires_grad_(recipe.learn_trunk)
-        choose_parts(network.head, recipe.learns)
-        # Convolutions learn a quarter faster with the channels last.
-        convert_conv2d_weight_memory_format(network.head, torch.channels_last)
+        choose_parts(network, recipe.learns)
+        for part in network.parts().values():
+            # Convolutions learn a quarter faster with the channels last.
+            convert_conv2d_weight_memory_format(part, torch.channels_last)
         self.average = copy.deepcopy(network)
         self.optimizer = torch.optim.AdamW(
             [p for p in network.parameters() if p.requires_grad],
@@ -108,7 +109,7 @@ class Trainer:
         if recipe.learn_trunk or self.device.kind == "cuda":
             self.trunk = TorchTrunk(network, self.device)
         else:
-            self.trunk = FrozenTrunk(network, network.config.current.size, threads)
+            self.trunk = FrozenTrunk(network, threads)
 
     def train(
         self,
@@ -133,7 +134,7 @@ class Trainer:
                 are kept.
         """
         started = saved = validated = time.monotonic()
-        pairs, first = 0, self.processes.first
+        pairs, first, used = 0, self.processes.first, time.process_time()
         with Records(self.folder, self.iteration) if first else nullcontext() as records:
             while self.iteration < self.recipe.iterations:
                 if self.processes.any(stop()):
@@ -146,7 +147,8 @@ class Trainer:
                 moved = self.curriculum.advance(self.iteration, learnt.losses.value)
                 if records is None:
                     continue
-                records.iteration(self.iteration, phase, learnt, rate, self._seconds)
+                before, used = used, time.process_time()
+                records.iteration(self.iteration, phase, learnt, rate, self._seconds, used - before)
                 now = time.monotonic()
                 pairs += phase.batch * (phase.unroll + 1)
                 if report is not None:
@@ -180,7 +182,7 @@ class Trainer:
             rollout = roll_out(
                 batch.clips,
                 batch.own,
-                self.network.head,
+                self.network,
                 self.trunk,
                 self.recipe.noise,
                 batch.draws,
@@ -229,11 +231,11 @@ class Trainer:
         return rate
 
     @property
-    def result(self) -> Re3Lite:
+    def result(self) -> TrackingNetwork:
         """The averaged network, on the CPU, to be validated and exported."""
         return self.average if self.device.kind == "cpu" else copy.deepcopy(self.average).cpu()
 
-    def best_network(self) -> Re3Lite | None:
+    def best_network(self) -> TrackingNetwork | None:
         """The averaged network with the best validation, on the CPU; None without any."""
         path = self.folder / BEST
         if not path.exists():

@@ -1,0 +1,96 @@
+"""What the trainer, the exporter and the engines ask of a network."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any, NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+from re3.model_spec import ModelSpec
+
+Maps = tuple[Tensor, ...]
+"""What the convolutions make of crops, each `[N, C, H, W]`."""
+
+
+class Seen(NamedTuple):
+    """What a network sees of N objects in a step; or in all steps, step-major `[steps * N, ...]`.
+
+    Attributes:
+        current: maps of the current crops.
+        previous: maps of the previous crops; None for a network that takes none.
+        looked: `[N, 4]`, the box of the frame before about which the current crop was cut, in the
+            crop of the step before, regression units; says nothing in a track's first step.
+    """
+
+    current: Maps
+    previous: Maps | None
+    looked: Tensor
+
+
+class Prediction(NamedTuple):
+    """What a network says of N crops, as far as there is something to learn from it.
+
+    Attributes:
+        corners: `[N, 4]`, x1, y1, x2, y2 in the current crop, times `REGRESSION_SCALE`.
+        score_logit: `[N]`, sigmoid of it is the expected overlap; None without a score.
+        heat_logits: `[N, 2, G, G]`, of top-left and bottom-right corner; None without heat maps.
+    """
+
+    corners: Tensor
+    score_logit: Tensor | None = None
+    heat_logits: Tensor | None = None
+
+
+class StepNetwork(nn.Module, ABC):
+    """A network that follows objects step by step, with its state passed in and out.
+
+    `forward` is one step from crops, which is exported: the previous crops (of a network that takes
+    any), the current crops and the state to corners, score and the new state.
+
+    Attributes:
+        trunk: the convolutions.
+    """
+
+    trunk: nn.Module
+
+    @abstractmethod
+    def spec(self) -> ModelSpec:
+        """What a tracker must know to drive this network."""
+
+    @abstractmethod
+    def zero_state(self, objects: int, device: torch.device | str = "cpu") -> Any:
+        """The state of so many objects before their first forward pass, a named tuple."""
+
+    def _zeros(self, objects: int, device: torch.device | str) -> list[Tensor]:
+        """The values of such a state, in the order of the specification."""
+        return [torch.zeros(objects, *s, device=device) for s in self.spec().state.values()]
+
+
+class TrackingNetwork(StepNetwork):
+    """A network that can be trained: maps of crops once, then steps and unrolls from the maps."""
+
+    @abstractmethod
+    def parts(self) -> dict[str, nn.Module]:
+        """Everything but the pretrained convolutions, by name."""
+
+    @abstractmethod
+    def features(self, crops: Tensor) -> Maps:
+        """Maps of uint8 `[N, S, S, 3]` BGR crops, previous or current."""
+
+    @abstractmethod
+    def walk(self, seen: Seen, memory: Any | None) -> tuple[Tensor, Any]:
+        """One step of N tracks.
+
+        Args:
+            seen: in this step.
+            memory: what the last step gave; None in a track's first.
+
+        Returns:
+            corners `[N, 4]`, and the memory for the next step.
+        """
+
+    @abstractmethod
+    def unroll(self, seen: Seen, steps: int) -> Prediction:
+        """All steps of fresh tracks at once; equals `walk` step by step."""
