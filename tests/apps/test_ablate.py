@@ -27,7 +27,7 @@ from re3.apps.cli import app
 from re3.apps.pretrained import load_pretrained
 from re3.apps.training_data import folders_sampler
 from re3.model_spec import CropSpec
-from re3.network.lite_trunks import ALEXNET_LAYERS, AlexNet, load_alexnet_weights
+from re3.network.importers.convolutions import ALEXNET
 from re3.network.table_one import CONFIGS, VARIANTS
 from re3.network.variants import build
 from re3.network.weights import load_network
@@ -189,7 +189,7 @@ def at_once(monkeypatch, data, recipe, tmp_path, codes, jobs=2):
     monkeypatch.setattr(ablate_jobs, "_POLL", 0.01)
     console = Console(file=(text := io.StringIO()), width=300)
     variants = [VARIANTS[letter] for letter in "".join(codes)]
-    means = ablate_jobs.Means(1, "cpu", None, 1.0)
+    means = ablate_jobs.Means(1, "cpu", (), 1.0)
     go = partial(
         ablate_jobs.complete_at_once, made, means, variants, jobs, console, lambda: ends.append(1)
     )
@@ -288,10 +288,9 @@ def test_what_does_not_fit_the_data_is_told_before_training(data, tmp_path, argu
 
 
 def test_k_needs_the_weights_of_its_convolutions(data, recipe, tmp_path):
-
     made = study(data, recipe, tmp_path)
     made.sampler = lambda variant: None  # what it is trained on is not the matter here
-    with pytest.raises(ValueError, match=r"convolutions of alexnet, .* with --alexnet FILE"):
+    with pytest.raises(ValueError, match=r"convolutions of alexnet, .* with --pretrained FILE"):
         made.check(VARIANTS["K"])
     made.check(VARIANTS["G"])
 
@@ -323,19 +322,20 @@ def test_convolutions_are_pretrained_where_they_can_be(tmp_path):
 
     other = build("lite-K")
     assert not load_pretrained(other)
-    given = {
-        f"features.{layer}.{name}": torch.rand_like(value)
-        for layer, conv in zip(ALEXNET_LAYERS, other.trunk.conv, strict=True)
-        for name, value in conv.named_parameters()
-    }
-    save_file(given, tmp_path / "alexnet.safetensors")
-    assert load_pretrained(other, tmp_path / "alexnet.safetensors")
+    given = {}
+    for layer in ALEXNET:
+        given[f"{layer.layer}.weight"] = torch.rand(layer.shape)
+        given[f"{layer.layer}.bias"] = torch.rand(layer.shape[:1])
+    save_file(given, whole := tmp_path / "alexnet.safetensors")
+    assert load_pretrained(other, [whole])
     torch.testing.assert_close(other.trunk.conv[4].bias.data, given["features.10.bias"])
-    save_file({"features.0.weight": given["features.0.weight"]}, tmp_path / "part.safetensors")
-    with pytest.raises(ValueError, match=r"part\.safetensors does not hold AlexNet's weights"):
-        load_pretrained(other, tmp_path / "part.safetensors")
-    with pytest.raises(ValueError, match=r"features\.0\.bias has shape \(1,\); expected \(64,\)"):
-        load_alexnet_weights(AlexNet(), {**given, "features.0.bias": torch.zeros(1)})
+    del given["features.6.bias"]
+    save_file(given, part := tmp_path / "part.safetensors")
+    with pytest.raises(ValueError, match=r"part\.safetensors looks like AlexNet.*missing"):
+        load_pretrained(other, [part])
+    save_file({"weight": torch.zeros(1)}, unknown := tmp_path / "unknown.safetensors")
+    with pytest.raises(ValueError, match=r"unknown\.safetensors is not known as a file of conv"):
+        load_pretrained(other, [unknown])
 
 
 def test_a_fresh_network_is_not_trained_on_random_frozen_convolutions(data, tmp_path):

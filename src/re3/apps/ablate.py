@@ -105,11 +105,11 @@ def ablate(
             show_default=False,
         ),
     ] = None,
-    alexnet: Annotated[
-        Path | None,
+    pretrained: Annotated[
+        list[Path] | None,
         typer.Option(
-            help="AlexNet's ImageNet weights in torchvision's layout (.safetensors), for K at "
-            "scale lite.",
+            help="ImageNet weights for the convolutions that they fit, a file as of re3 weights "
+            "import: at scale lite K needs AlexNet's; repeat for several.",
             metavar="FILE",
             show_default=False,
         ),
@@ -224,8 +224,8 @@ def ablate(
             large=without_large,
             other=without_other,
         )
-        means = Means(each, device, alexnet, cache_gb)
-        study = Study(asked, out, sampler, each, alexnet, device)
+        means = Means(each, device, tuple(pretrained or ()), cache_gb)
+        study = Study(asked, out, sampler, each, means.pretrained, device)
         sequences = clips_of(val, val_clips)
         for variant in chosen:
             study.check(variant)

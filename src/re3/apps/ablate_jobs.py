@@ -40,13 +40,13 @@ class Means:
     Attributes:
         threads: of each process: of torch, ONNX Runtime and OpenCV.
         device: to train on.
-        alexnet: file with weights of AlexNet, for K at the scale `lite`.
+        pretrained: files of convolutions, for the variants that they fit.
         cache_gb: disk space for decoded frames.
     """
 
     threads: int
     device: str
-    alexnet: Path | None
+    pretrained: tuple[Path, ...]
     cache_gb: float
 
 
@@ -57,7 +57,7 @@ def open_study(asked: Asked, out: Path, means: Means) -> Study:
         ValueError, OSError: the data cannot be read.
     """
     data = folders_sampler([Path(d) for d in asked.data], set(asked.exclude), None, means.cache_gb)
-    return Study(asked, out, data, means.threads, means.alexnet, means.device)
+    return Study(asked, out, data, means.threads, means.pretrained, means.device)
 
 
 def complete(

@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 import tempfile
 from collections.abc import Callable
+from collections.abc import Sequence as Several
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -20,7 +21,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from re3.apps.pretrained import load_pretrained
+from re3.apps.pretrained import has_pretrained, load_pretrained
 from re3.apps.run_folder import RECIPE, note_start
 from re3.data.sampling import ClipSampler
 from re3.data.sequence import Sequence
@@ -127,7 +128,7 @@ class Study:
         out: folder of the study.
         data: everything to train on; None for one that is only looked at.
         threads: of training and tracking.
-        alexnet: weights of AlexNet for K at the scale `lite`.
+        pretrained: files of convolutions, for the variants that they fit.
         device: to train on.
     """
 
@@ -137,11 +138,11 @@ class Study:
         out: Path,
         data: ClipSampler | None,
         threads: int = 2,
-        alexnet: Path | None = None,
+        pretrained: Several[Path] = (),
         device: str = "cpu",
     ) -> None:
         self.asked, self.out, self.data = asked, out, data
-        self.threads, self.alexnet, self.device = threads, alexnet, Device(device)
+        self.threads, self.pretrained, self.device = threads, tuple(pretrained), Device(device)
         self.scale = SCALES[asked.scale]
 
     def trained_as(self, variant: Variant) -> Variant:
@@ -168,8 +169,11 @@ class Study:
             ValueError: there is nothing to train it on, or its weights are missing.
         """
         self.sampler(self.trained_as(variant))
-        frozen = not self.asked.base_recipe().learn_trunk
-        if frozen and self.scale.config(variant).trunk == "alexnet" and self.alexnet is None:
+        if self.asked.base_recipe().learn_trunk:
+            return
+        with torch.device("meta"):
+            outline = build(self.scale.config(variant))
+        if not has_pretrained(outline, self.pretrained):
             raise self._no_weights(variant)
 
     def train(
@@ -207,7 +211,7 @@ class Study:
         """The variant with fresh weights, its convolutions pretrained where they can be."""
         torch.manual_seed(recipe.seed)
         network = trainable(build(self.scale.config(variant)))
-        if not load_pretrained(network, self.alexnet) and not recipe.learn_trunk:
+        if not load_pretrained(network, self.pretrained) and not recipe.learn_trunk:
             raise self._no_weights(variant)
         return network
 
@@ -215,8 +219,8 @@ class Study:
         trunk = self.scale.config(variant).trunk
         return ValueError(
             f"variant {variant.letter} ({variant.about}) is to be trained on frozen convolutions "
-            f"of {trunk}, whose weights are not at hand; give AlexNet's with --alexnet FILE, take "
-            "a recipe with learn_trunk, or leave it out with --variants"
+            f"of {trunk}, whose weights are not at hand; give them with --pretrained FILE, take a "
+            "recipe with learn_trunk, or leave it out with --variants"
         )
 
     def _plan(self, variant: Variant, sampler: ClipSampler) -> Recipe:

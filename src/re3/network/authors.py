@@ -18,11 +18,8 @@ from re3.model_spec import CropSpec, ModelSpec
 from re3.network.base import StepNetwork
 from re3.network.caffenet import CROP_SIZE
 from re3.network.peephole_lstm import CellState, FactoredLSTM
+from re3.network.pixels import Standardise
 from re3.network.re3 import Re3Config, Re3State
-
-IMAGENET_MEAN = (0.485, 0.456, 0.406)
-IMAGENET_STD = (0.229, 0.224, 0.225)
-"""Of RGB in 0..1."""
 
 NORM_GROUPS = 32
 FIRST_POOLED = 2
@@ -124,15 +121,11 @@ class SmallTrunk(nn.Module):
             ]
         )
         self.norm = nn.ModuleList([nn.GroupNorm(NORM_GROUPS, width) for width in channels])
-        self.mean: Tensor
-        self.std: Tensor
-        for name, values in (("mean", IMAGENET_MEAN), ("std", IMAGENET_STD)):
-            pixel = 255 * torch.tensor(values)[:, None, None]
-            self.register_buffer(name, pixel, persistent=False)
+        self.standardise = Standardise()
 
     def forward(self, crops: Tensor) -> Tensor:
         """uint8 `[N, S, S, 3]` BGR to the last map, flattened, `[N, E]`."""
-        x = (crops.flip(3).permute(0, 3, 1, 2).float() - self.mean) / self.std
+        x = self.standardise(crops)
         for index, (conv, norm) in enumerate(zip(self.conv, self.norm, strict=True)):
             if index >= FIRST_POOLED:
                 x = F.max_pool2d(x, 2)

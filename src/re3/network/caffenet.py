@@ -8,7 +8,8 @@ import torch
 from torch import Tensor, nn
 
 from re3.network.base import Maps
-from re3.network.skip_trunk import SkipTrunk, rgb
+from re3.network.pixels import rgb
+from re3.network.skip_trunk import SkipTrunk
 
 PIXEL_MEAN_RGB = (123.151630838, 115.902882574, 103.062623801)
 """Subtracted from RGB in 0..255; there is no division."""

@@ -15,7 +15,8 @@ import torch
 from torch import Tensor, nn
 
 from re3.network.base import Maps
-from re3.network.skip_trunk import SkipTrunk, rgb
+from re3.network.pixels import rgb
+from re3.network.skip_trunk import SkipTrunk
 
 PIXEL_MEAN_RGB = (123.0, 117.0, 104.0)
 """Subtracted from RGB in 0..255; there is no division."""

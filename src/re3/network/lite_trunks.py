@@ -6,7 +6,6 @@ as well, so that the fully connected layer stays of the size of the LSTM's.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from collections.abc import Sequence as Several
 
 import torch
@@ -14,16 +13,10 @@ from torch import Tensor, nn
 
 from re3.network.base import Maps
 from re3.network.efficientnet_lite import OUT_CHANNELS, PIXEL_MEAN, EfficientNetLite0
-from re3.network.skip_trunk import SkipTrunk, rgb
+from re3.network.pixels import Standardise
+from re3.network.skip_trunk import SkipTrunk
 
 SKIP_STRIDES = (2, 2, 1)
-
-ALEXNET_MEAN_RGB = (0.485, 0.456, 0.406)
-ALEXNET_SCALE_RGB = (0.229, 0.224, 0.225)
-"""RGB in 0..1 as torchvision's weights expect it: (pixel - mean) / scale."""
-
-ALEXNET_LAYERS = (0, 3, 6, 8, 10)
-"""Places of the convolutions in torchvision's `features`."""
 
 
 class LiteTrunk(SkipTrunk):
@@ -62,36 +55,12 @@ class AlexNet(SkipTrunk):
             ]
         )
         self.pool = nn.MaxPool2d(3, stride=2)
-        self.mean: Tensor
-        self.scale: Tensor
-        mean = torch.tensor(ALEXNET_MEAN_RGB)[:, None, None] * 255
-        self.register_buffer("mean", mean, persistent=False)
-        scale = torch.tensor(ALEXNET_SCALE_RGB)[:, None, None] * 255
-        self.register_buffer("scale", scale, persistent=False)
+        self.standardise = Standardise()
 
     def maps(self, crops: Tensor) -> Maps:
         """Strides 4, 8, 16 and 32 of uint8 `[N, S, S, 3]` BGR crops."""
-        conv1 = torch.relu(self.conv[0]((rgb(crops) - self.mean) / self.scale))
+        conv1 = torch.relu(self.conv[0](self.standardise(crops)))
         conv2 = torch.relu(self.conv[1](self.pool(conv1)))
         conv3 = torch.relu(self.conv[2](self.pool(conv2)))
         conv5 = torch.relu(self.conv[4](torch.relu(self.conv[3](conv3))))
         return conv1, conv2, conv5, self.pool(conv5)
-
-
-def load_alexnet_weights(trunk: AlexNet, weights: Mapping[str, Tensor]) -> None:
-    """Fill the convolutions from torchvision's layout (`features.0.weight`, ...).
-
-    Raises:
-        KeyError: a weight is missing.
-        ValueError: a weight has another shape than the trunk's.
-    """
-    with torch.no_grad():
-        for layer, conv in zip(ALEXNET_LAYERS, trunk.conv, strict=True):
-            for name, own in conv.named_parameters():
-                given = weights[f"features.{layer}.{name}"]
-                if given.shape != own.shape:
-                    raise ValueError(
-                        f"weight features.{layer}.{name} has shape {tuple(given.shape)}; "
-                        f"expected {tuple(own.shape)} as in torchvision's AlexNet"
-                    )
-                own.copy_(given)

@@ -69,8 +69,3 @@ class SkipTrunk(nn.Module, ABC):
             values = self(torch.zeros(1, size, size, 3, dtype=torch.uint8)).shape[1]
         self.train(training)
         return int(values)
-
-
-def rgb(crops: Tensor) -> Tensor:
-    """uint8 `[N, S, S, 3]` BGR to float `[N, 3, S, S]` RGB in 0..255."""
-    return crops.flip(3).permute(0, 3, 1, 2).float()

@@ -18,7 +18,7 @@ from re3.network.importers.kinds import Kind, Tensors
 from re3.network.importers.tensor_files import read_tensors
 from re3.network.variants import VARIANTS, Network, build
 
-__all__ = ["KINDS", "Imported", "import_file", "recognise"]
+__all__ = ["KINDS", "Imported", "convolutions_in", "fits", "import_file", "recognise"]
 
 KINDS: tuple[Kind, ...] = (LARGE, SMALL, *CONVOLUTIONS)
 
@@ -82,6 +82,27 @@ def import_file(path: str | Path, into: str | None = None, seed: int = 0) -> Imp
     part = network if kind.whole else network.trunk
     part.load_state_dict({**part.state_dict(), **values})
     return Imported(network, kind, sum(value.numel() for value in values.values()))
+
+
+def convolutions_in(path: str | Path) -> dict[str, Tensor]:
+    """The convolutions that a file has, under the names of the trunk that they fit (`fits`).
+
+    Raises:
+        FileNotFoundError: no such file.
+        ValueError: it is none of convolutions, or a damaged one.
+    """
+    path = Path(path)
+    tensors = read_tensors(path)
+    kind = recognise(tensors)
+    if kind is None or kind.whole:
+        raise ValueError(
+            f"{path} is not known as a file of convolutions; expected one of "
+            f"{', '.join(kind.name for kind in CONVOLUTIONS)}"
+        )
+    with torch.device("meta"):
+        outline = build(kind.variant)
+    kind.check(path, tensors, outline)
+    return kind.convert(tensors, outline)
 
 
 def recognise(tensors: Tensors) -> Kind | None:
