@@ -1,6 +1,7 @@
 """The named models: what there is, what ships, and what was measured of it.
 
-A shipped model is a pair of files in `re3/weights`: `<name>.onnx`, and its card `<name>.json`.
+A shipped model has files in `re3/weights`: `<name>.onnx` in full precision, `<name>-int8.onnx`, the
+same in eight bits, and its card `<name>.json`.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ class ModelCard:
         parameters: number of learnt values.
         crop_size: side of the current crop in pixels.
         shipped: whether weights are part of the package.
-        size_bytes: of the weights file; 0 where none ships.
+        size_bytes: of the file that is run by default; 0 where none ships.
         accuracy: what was measured, such as {"DAVIS AUC": 0.68}; empty where nothing was.
         speed_fps: tracked frames a second, one object, or None; on the machine the card names.
         details: everything else the card says: data, recipe, machine, commands, licence.
@@ -74,15 +75,23 @@ def _with_figures(card: ModelCard) -> ModelCard:
         parameters=card.parameters,
         crop_size=card.crop_size,
         shipped=True,
-        size_bytes=weights.stat().st_size,
+        size_bytes=(find_eight_bits(card.name) or weights).stat().st_size,
         accuracy=details.pop("accuracy", {}),
         speed_fps=details.pop("speed_fps", None),
         details=details,
     )
 
 
+def find_eight_bits(model: str | Path) -> Path | None:
+    """The file of a named model that computes in eight bits, where there is one."""
+    if str(model) not in {card.name for card in _CATALOGUE}:
+        return None
+    path = WEIGHTS / f"{model}-int8.onnx"
+    return path if path.is_file() else None
+
+
 def find_weights(model: str | Path) -> Path:
-    """The weights file of a named model, or the path given itself.
+    """The weights file of a named model, in full precision, or the path given itself.
 
     Raises:
         FileNotFoundError: a path that does not exist.

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 import re3
 from re3.apps.cli import app
-from re3.engine import load_engine, zero_state
+from re3.engine import find_file, load_engine, zero_state
 
 pytest.importorskip("torch", reason="writes networks")
 
@@ -71,7 +71,7 @@ def test_other_opsets_compute_the_same(tmp_path, opset):
     result = export("re3-lite", path, "--opset", opset, "--no-examples")
     assert result.exit_code == 0, result.output
     assert not (tmp_path / "track_onnx.py").exists()
-    engines = [load_engine("re3-lite"), load_engine(path)]
+    engines = [load_engine("re3-lite", "onnx"), load_engine(path)]
     spec = engines[0].spec
     steps = [engine.step(None, crops_of(spec, 2), zero_state(spec, 2)) for engine in engines]
     np.testing.assert_allclose(steps[0].corners, steps[1].corners, atol=1e-4)
@@ -85,7 +85,7 @@ def test_torchscript_computes_the_same_for_any_number_of_objects(tmp_path):
     assert result.exit_code == 0, result.output
     told = {"re3_spec": ""}
     module = torch.jit.load(str(path), _extra_files=told)
-    engine = load_engine("re3-lite")
+    engine = load_engine("re3-lite", "onnx")
     assert told["re3_spec"].decode() == engine.spec.to_json()
     card = json.loads(path.with_suffix(".json").read_text())
     assert card["inputs"][0]["name"] == "current_crops"
@@ -110,7 +110,7 @@ def test_openvino_computes_nearly_the_same(tmp_path):
     result = export("re3-lite", path)
     assert result.exit_code == 0, result.output
     assert path.with_suffix(".bin").is_file()
-    engine = load_engine("re3-lite")
+    engine = load_engine("re3-lite", "onnx")
     compiled = openvino.Core().compile_model(path, "CPU", {"INFERENCE_PRECISION_HINT": "f32"})
     crops, state = crops_of(engine.spec, 2), zero_state(engine.spec, 2)
     found = compiled({"current_crops": crops, **state})
@@ -232,3 +232,28 @@ def test_the_cpp_example_finds_the_boxes_of_the_python_example(exported, tmp_pat
     np.testing.assert_allclose(
         boxes_of(done.stdout.decode()), python_boxes(exported), atol=0.5, rtol=0
     )
+
+
+def test_re3_lite_in_eight_bits_is_calibrated_on_clips(tmp_path):
+    clips, out = tmp_path / "clips", tmp_path / "small.onnx"
+    clips.mkdir()
+    shutil.copyfile(CLIP, clips / "person.mp4")
+    (clips / "person.txt").write_text("368,58,158,374\n" * 40)
+    refused = export("re3-lite", out, "--int8")
+    assert refused.exit_code == 1
+    assert "give a folder of annotated clips with --calibrate" in " ".join(refused.output.split())
+    assert not out.exists()
+    result = export("re3-lite", out, "--int8", "--calibrate", clips, "--no-examples")
+    assert result.exit_code == 0, result.output
+    assert "8-bit integers" in json.loads(out.with_suffix(".json").read_text())["weights"]
+    assert out.stat().st_size < find_file("re3-lite", "onnx")[0].stat().st_size
+    engine, exact = load_engine(out), load_engine("re3-lite", "onnx")
+    crops = crops_of(engine.spec, 2)
+    corners = [e.step(None, crops, zero_state(e.spec, 2)).corners for e in (engine, exact)]
+    np.testing.assert_allclose(*corners, atol=0.5)  # of crops that are noise
+
+
+def test_clips_to_calibrate_on_are_for_re3_lite_alone(tmp_path):
+    result = export("re3", tmp_path / "a.onnx", "--int8", "--untrained", "--calibrate", tmp_path)
+    assert result.exit_code == 1
+    assert "--calibrate is for re3-lite with --int8" in " ".join(result.output.split())

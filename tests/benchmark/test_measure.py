@@ -132,7 +132,9 @@ def test_memory_is_that_of_a_process_of_its_own():
 
 
 def test_sizes_are_those_of_the_model_files():
-    from re3.models import find_weights
+    from re3.models import find_eight_bits, find_weights
 
-    assert Entry("a", True, "re3-lite").size_bytes == find_weights("re3-lite").stat().st_size
+    assert Entry("a", True, "re3-lite").size_bytes == find_eight_bits("re3-lite").stat().st_size
+    full = Entry("b", True, "re3-lite", engine="onnx")
+    assert full.size_bytes == find_weights("re3-lite").stat().st_size
     assert Entry("csrt", False, "csrt").size_bytes == 0

@@ -1,5 +1,6 @@
 """The shipped model by its engines, and files that are none."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,9 @@ import onnxruntime
 import pytest
 
 import re3
-from re3.engine import load_engine, zero_state
+from re3.engine import find_file, load_engine, zero_state
+from re3.engine.threads import usable_threads
+from re3.geometry import iou_xywh
 from re3.models import DEFAULT_MODEL, find_weights, list_models
 from re3.video import open_source
 
@@ -80,15 +83,61 @@ def test_a_broken_onnx_file_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("model", "engine", "error", "message"),
     [
-        ("re3-lite", "cuda", ValueError, "unknown engine 'cuda'; expected one of auto, onnx"),
+        (
+            "re3-lite",
+            "cuda",
+            ValueError,
+            "unknown engine 'cuda'; expected one of auto, onnx-int8",
+        ),
         ("re4", "auto", ValueError, "unknown model 're4'; expected one of re3-lite, re3"),
         ("re3", "auto", ValueError, "'re3' comes without weights"),
+        ("re3", "onnx-int8", ValueError, "'re3' comes without weights"),
         ("nowhere.onnx", "auto", FileNotFoundError, r"nowhere\.onnx does not exist"),
     ],
 )
 def test_unknown_models_and_engines_are_refused(model, engine, error, message):
     with pytest.raises(error, match=message):
         re3.Tracker(model, engine)
+
+
+@pytest.mark.parametrize(
+    ("engine", "file"),
+    [
+        ("auto", "re3-lite-int8.onnx"),
+        ("onnx-int8", "re3-lite-int8.onnx"),
+        ("onnx", "re3-lite.onnx"),
+        ("torch", "re3-lite.onnx"),
+    ],
+)
+def test_each_engine_has_its_file(engine, file):
+    path, chosen = find_file("re3-lite", engine)
+    assert path.name == file
+    assert chosen == ("onnx-int8" if engine == "auto" else engine)
+
+
+def test_a_file_in_full_precision_is_not_run_in_eight_bits():
+    path = find_weights("re3-lite")
+    assert find_file(path)[1] == "onnx"
+    with pytest.raises(ValueError, match="has no file in eight bits; write one with `re3 export"):
+        load_engine(path, "onnx-int8")
+
+
+def test_eight_bits_find_nearly_the_same_box():
+    boxes = []
+    with open_source(CLIP) as source:
+        frames = [frame.image for frame, _ in zip(source, range(10), strict=False)]
+    for engine in ("onnx-int8", "onnx"):
+        tracker = re3.Tracker(engine=engine)
+        tracker.init(frames[0], PERSON)
+        boxes.append([tracker.update(frame).box_xywh for frame in frames[1:]])
+    assert iou_xywh(boxes[0], boxes[1]).min() > 0.9
+    assert boxes[0] != boxes[1]
+
+
+@pytest.mark.parametrize(("cores", "threads"), [(1, 1), (2, 1), (3, 2), (5, 4), (64, 4)])
+def test_one_core_is_left_to_others(monkeypatch, cores, threads):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(cores)), raising=False)
+    assert usable_threads() == threads
 
 
 def test_the_shipped_model_has_a_card_with_figures():

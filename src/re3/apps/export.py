@@ -15,6 +15,7 @@ from re3.exported.card import make_card
 from re3.models import find_weights, list_models
 
 if TYPE_CHECKING:
+    from re3.network.re3_lite import Re3Lite
     from re3.network.variants import Network
 
 EXAMPLES = Path(__file__).parents[1] / "exported"
@@ -52,10 +53,18 @@ def export(
         bool,
         typer.Option(
             "--int8",
-            help="8-bit weights in large products: the fully connected and LSTM layers of networks "
-            "like the paper's.",
+            help="Compute in 8 bits: convolutions of re3-lite (give --calibrate); large products, "
+            "fully connected and LSTM layers, of networks like the paper's.",
         ),
     ] = False,
+    calibrate: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="For --int8 of re3-lite: annotated clips like those to be tracked; the ranges of "
+            "values are taken from tracking them. May be given several times.",
+            metavar="CLIPS",
+        ),
+    ] = None,
     opset: Annotated[
         int, typer.Option(help="Version of ONNX's operators, 13 to 20.", metavar="N")
     ] = 17,
@@ -87,13 +96,22 @@ def export(
         re3 export re3-lite boards/re3-lite.xml --format openvino
 
         re3 export re3 paper.onnx --int8 --untrained
+
+        re3 export runs/mine/re3-lite.safetensors small.onnx --int8 --calibrate clips
     """
     try:
         chosen = _format(out, format_)
         network = _network(weights, untrained)
         from re3.network.quantize_products import quantize_products
+        from re3.network.re3_lite import Re3Lite
 
-        change = quantize_products if int8 else None
+        change = None
+        if int8 and isinstance(network, Re3Lite):
+            network = _in_eight_bits(network, calibrate)
+        elif int8:
+            change = quantize_products
+        if calibrate and (change is not None or not int8):
+            raise ValueError("--calibrate is for re3-lite with --int8; leave it out")
         if change is not None and chosen is Format.TORCHSCRIPT:
             raise ValueError("--int8 changes an ONNX graph; take --format onnx or openvino for it")
         from re3.network.export import export_onnx
@@ -101,7 +119,12 @@ def export(
 
         if chosen is Format.ONNX:
             export_onnx(
-                network, out, half_weights=half, opset=opset, change=change, weights_apart=int8
+                network,
+                out,
+                half_weights=half,
+                opset=opset,
+                change=change,
+                weights_apart=change is not None,
             )
         elif chosen is Format.OPENVINO:
             export_openvino(network, out, opset=opset, change=change)
@@ -110,7 +133,7 @@ def export(
         about = {
             "format": chosen.value,
             "opset": None if chosen is Format.TORCHSCRIPT else opset,
-            "weights": _stored(chosen, int8, half),
+            "weights": _stored(chosen, change is not None, int8, half),
             "trained": not untrained,
         }
         card = make_card(network.spec(), out.name, **about)
@@ -164,9 +187,23 @@ def _network(weights: str, untrained: bool) -> Network:
     return load_network(path)
 
 
-def _stored(chosen: Format, int8: bool, half: bool) -> str:
-    if int8:
+def _in_eight_bits(network: Re3Lite, clips: list[Path] | None) -> Re3Lite:
+    from re3.apps.calibration import recorded_steps
+    from re3.network.quantise import quantise
+
+    if not clips:
+        raise ValueError(
+            "--int8 of re3-lite needs the ranges of its values; give a folder of annotated clips "
+            "with --calibrate"
+        )
+    return quantise(network, recorded_steps(network, clips))
+
+
+def _stored(chosen: Format, products: bool, int8: bool, half: bool) -> str:
+    if products:
         return "8 bits in large products, which run on 8-bit integers; else as without"
+    if int8:
+        return "8 bits in convolutions and the fully connected layer, which run on 8-bit integers"
     if chosen is Format.TORCHSCRIPT or (chosen is Format.ONNX and not half):
         return "fp32"
     return "fp16, arithmetic as the runtime chooses; fp32 in ONNX Runtime"

@@ -81,7 +81,10 @@ def track(
     model: Annotated[
         str, typer.Option(help="A model's name (see `re3 models`) or file.")
     ] = DEFAULT_MODEL,
-    engine: Annotated[str, typer.Option(help=f"One of {', '.join(ENGINES)}.")] = "auto",
+    engine: Annotated[
+        str,
+        typer.Option(help=f"One of {', '.join(ENGINES)}; auto is the fastest that the model has."),
+    ] = "auto",
     out: Annotated[
         Path | None,
         typer.Option(

@@ -153,6 +153,7 @@ def train(
 
         from re3.apps.run_folder import note_start
         from re3.apps.validation import Validation
+        from re3.network.quantise import is_quantised
         from re3.network.variants import build, trainable
         from re3.network.weights import load_network
         from re3.training.device import Device
@@ -179,6 +180,11 @@ def train(
             raise ValueError(
                 f"no pretrained convolutions of {model!r} are at hand, and recipe {recipe_name} "
                 "freezes them; take --recipe paper, or start from weights with --init"
+            )
+        if is_quantised(network):
+            raise ValueError(
+                f"{init} computes in eight bits and cannot be trained further; give the weights "
+                "it was made from, such as those of re3-lite"
             )
         sampler = _sampler(data or [], set(exclude or []), format_name, mix, cache_gb)
         validate = None

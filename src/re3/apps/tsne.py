@@ -69,7 +69,7 @@ def tsne(
     perplexity: Annotated[
         float, typer.Option(help="Of t-SNE: about how many neighbours a frame has.")
     ] = 30.0,
-    threads: Annotated[int, typer.Option(help="For the network; 0: all cores.", min=0)] = 0,
+    threads: Annotated[int, typer.Option(help="For the network; 0: all cores but one.", min=0)] = 0,
 ) -> None:
     """Draw the LSTM's cells and outputs, frame by frame, with t-SNE.
 

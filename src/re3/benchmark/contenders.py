@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from re3.benchmark.footage import Box
-from re3.engine import load_engine
+from re3.engine import find_file, load_engine
+from re3.engine.threads import usable_threads
 from re3.evaluation.one_pass import close
 from re3.evaluation.peers import SequenceTracker, find_tracker
-from re3.models import find_weights
 from re3.timed_tracker import TimedMultiTracker, TimeSpent, time_spent
 
 Frame = NDArray[np.uint8]
@@ -45,7 +45,8 @@ class Entry:
         ours: it is a model of ours; the rest says which, and how it is run.
         model: name or file of our model, or name of a peer.
         engine: of our model.
-        threads: that it may use, 0 for one for each core. Peers run with OpenCV's.
+        threads: that it may use; 0 for what a tracker of ours takes by itself. Peers run with
+            OpenCV's.
         peer_files: folder with the files of peers; None for the usual places.
     """
 
@@ -68,7 +69,7 @@ class Entry:
     def size_bytes(self) -> int:
         """Of the model's files; 0 of a tracker without any."""
         if self.ours:
-            file = find_weights(self.model)
+            file = find_file(self.model, self.engine)[0]
             apart = file.with_name(f"{file.name}.data")  # large weights of an ONNX graph
             return sum(path.stat().st_size for path in (file, apart) if path.is_file())
         made_of = getattr(find_tracker(self.model, self.peer_files).factory, "args", ())
@@ -87,7 +88,7 @@ def our_entries(
                 if len(engines) > 1 or engine != "auto":
                     name += f" {engine}"
                 if len(threads) > 1 or number:
-                    name += f" {number or cores()}t"
+                    name += f" {number or usable_threads()}t"
                 entries.append(Entry(name, True, model, engine, number))
     return entries
 

@@ -5,11 +5,41 @@ from __future__ import annotations
 from pathlib import Path
 
 from re3.engine.base import Engine, State, StepOutput, zero_state
-from re3.models import find_weights
+from re3.models import find_eight_bits, find_weights
 
-__all__ = ["ENGINES", "Engine", "State", "StepOutput", "load_engine", "zero_state"]
+__all__ = [
+    "ENGINES",
+    "Engine",
+    "State",
+    "StepOutput",
+    "find_file",
+    "load_engine",
+    "zero_state",
+]
 
-ENGINES = ("auto", "onnx", "torch")
+ENGINES = ("auto", "onnx-int8", "onnx", "torch")
+
+
+def find_file(model: str | Path, engine: str = "auto") -> tuple[Path, str]:
+    """The file that an engine runs of a model, and which engine "auto" stands for.
+
+    Raises:
+        FileNotFoundError: the model's file does not exist.
+        ValueError: unknown model or engine, or "onnx-int8" of a model without such a file.
+    """
+    if engine not in ENGINES:
+        raise ValueError(f"unknown engine {engine!r}; expected one of {', '.join(ENGINES)}")
+    path, eight_bits = find_weights(model), find_eight_bits(model)
+    if engine == "auto" and eight_bits is None:
+        return path, "torch" if path.suffix == ".safetensors" else "onnx"
+    if engine not in ("auto", "onnx-int8"):
+        return path, engine
+    if eight_bits is None:
+        raise ValueError(
+            f"model {str(model)!r} has no file in eight bits; write one with `re3 export --int8` "
+            "and give its path with engine 'onnx', or take another engine"
+        )
+    return eight_bits, "onnx-int8"
 
 
 def load_engine(model: str | Path, engine: str = "auto", threads: int = 0) -> Engine:
@@ -17,19 +47,17 @@ def load_engine(model: str | Path, engine: str = "auto", threads: int = 0) -> En
 
     Args:
         model: name of a shipped model, or path of an .onnx or .safetensors file.
-        engine: "onnx", "torch", or "auto": ONNX Runtime unless the file is .safetensors.
-        threads: for the engine; 0 takes one for each core.
+        engine: "onnx-int8" and "onnx", ONNX Runtime in eight bits and in full precision;
+            "torch", which gives the same boxes as "onnx"; or "auto": the first of these that the
+            model has files for.
+        threads: for the engine; 0 takes one fewer than there are cores, 4 at most.
 
     Raises:
         FileNotFoundError: the model's file does not exist.
         ImportError: torch is asked for but not installed.
         ValueError: unknown model or engine, or a file that the engine cannot run.
     """
-    if engine not in ENGINES:
-        raise ValueError(f"unknown engine {engine!r}; expected one of {', '.join(ENGINES)}")
-    path = find_weights(model)
-    if engine == "auto":
-        engine = "torch" if path.suffix == ".safetensors" else "onnx"
+    path, engine = find_file(model, engine)
     if engine == "torch":
         try:
             from re3.engine.torch_engine import TorchEngine

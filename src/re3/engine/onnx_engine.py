@@ -10,6 +10,7 @@ import onnxruntime
 from numpy.typing import NDArray
 
 from re3.engine.base import StepOutput
+from re3.engine.threads import usable_threads
 from re3.model_spec import SPEC_KEY, ModelSpec
 
 
@@ -18,7 +19,7 @@ class OnnxEngine:
 
     Args:
         path: of the .onnx file.
-        threads: of ONNX Runtime; 0 takes one for each core.
+        threads: of ONNX Runtime; 0 takes `usable_threads()`.
 
     Raises:
         FileNotFoundError: no such file.
@@ -30,7 +31,7 @@ class OnnxEngine:
         if not path.is_file():
             raise FileNotFoundError(f"model file {path} does not exist")
         options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = threads
+        options.intra_op_num_threads = threads or usable_threads()
         options.log_severity_level = 3  # errors only; warnings concern graph clean-up
         try:
             self._session = onnxruntime.InferenceSession(

@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from re3.engine import Engine, StepOutput, load_engine
+from re3.engine import ENGINES, Engine, StepOutput, load_engine
 from re3.timed_tracker import TimedMultiTracker, TimeSpent
 
 _WITH_OPTIONS = re.compile(r"(?P<model>.+?)(?P<options>(?:@[a-z0-9-]+)*)")
-EXPECTED_OPTIONS = "onnx, torch, no-reset, reset-N, no-search, threads-N"
+EXPECTED_OPTIONS = "onnx-int8, onnx, torch, no-reset, reset-N, no-search, threads-N"
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class OurOptions:
 
     Attributes:
         engine: as `re3.Tracker` takes it.
-        threads: of the engine; 0 takes one for each core.
+        threads: of the engine; 0 takes one fewer than there are cores, 4 at most.
         reset_interval: steps after which the recurrent state is reset (Re3, sec. III-C: 32); 0
             never; None as the model says.
         search: look for a lost object in a wider area.
@@ -52,7 +52,7 @@ def split_options(asked: str) -> tuple[str, OurOptions]:
     options = OurOptions()
     for word in match["options"].split("@")[1:]:
         name, _, number = word.rpartition("-")
-        if word in ("onnx", "torch"):
+        if word in ENGINES:
             options = replace(options, engine=word)
         elif word == "no-reset":
             options = replace(options, reset_interval=0)

@@ -63,7 +63,7 @@ def recorder(model: str, *, reset: bool = True, threads: int = 0) -> Tracker:
     Args:
         model: a name or a file, as `re3.Tracker` takes it.
         reset: return to the first state every so many frames, as when tracking.
-        threads: of the engine; 0 takes one for each core.
+        threads: of the engine; 0 takes one fewer than there are cores, 4 at most.
 
     Raises:
         ValueError, FileNotFoundError: unknown model.

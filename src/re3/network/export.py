@@ -17,7 +17,8 @@ from torch import Tensor, nn
 
 from re3.model_spec import SPEC_KEY
 from re3.network.base import StepNetwork
-from re3.network.weights import HALF_SUFFIX
+from re3.network.export_integers import store_integers
+from re3.network.weights import HALF_SUFFIX, SCALE_SUFFIX
 
 OPSET = 17
 OPSETS = range(13, 21)
@@ -84,6 +85,7 @@ def export_onnx(
         model = onnx.load(str(partial))
         _pad_in_convolutions(model)
         _spell_prelu_out(model)
+        store_integers(model, network)
         if change is not None:
             model = change(model)
         if half_weights:
@@ -215,6 +217,8 @@ def _halve(model: onnx.ModelProto) -> None:
         values = numpy_helper.to_array(weight)
         if weight.data_type != TensorProto.FLOAT or values.size < HALF_FROM:
             continue
+        if weight.name.endswith(SCALE_SUFFIX):
+            continue  # of integers, which would all change with it
         name = weight.name
         weight.CopyFrom(numpy_helper.from_array(values.astype(np.float16), name + HALF_SUFFIX))
         casts.append(helper.make_node("Cast", [name + HALF_SUFFIX], [name], to=TensorProto.FLOAT))

@@ -12,11 +12,16 @@ from torch import Tensor
 
 from re3.model_spec import SPEC_KEY, ModelSpec
 from re3.network.base import StepNetwork
+from re3.network.quantise import with_quantised_layers
+from re3.network.re3_lite import Re3Lite
 from re3.network.variants import VARIANTS, Network, build
 
 VARIANT_KEY = "re3_variant"
 HALF_SUFFIX = "_half"
 """Weights that an ONNX file stores in half precision have this after their name."""
+INTEGER_SUFFIX, SCALE_SUFFIX, ZERO_SUFFIX = "_integer", "_scale", "_zero"
+"""The first is after the names of those that it stores as integers, the others after those of what
+one is worth and which stands for zero."""
 
 
 def save_weights(network: StepNetwork, path: str | Path, *, half: bool = False) -> None:
@@ -54,6 +59,10 @@ def load_network(path: str | Path) -> Network:
     if name not in VARIANTS:
         raise ValueError(f"{path} holds weights of {name!r}; expected one of {', '.join(VARIANTS)}")
     network = build(name)
+    if any(key.endswith(".input.scale") for key in values):
+        if not isinstance(network, Re3Lite):
+            raise ValueError(f"{path} has layers in eight bits, which {name!r} cannot have")
+        network = with_quantised_layers(network)
     own = network.state_dict()
     missing, unknown = sorted(own.keys() - values.keys()), sorted(values.keys() - own.keys())
     missing = [key for key in missing if not key.endswith("num_batches_tracked")]
@@ -91,11 +100,18 @@ def _read_onnx(path: Path) -> tuple[str, dict[str, Tensor]]:
         raise ValueError(
             f"{path} carries no re3 description; expected a file written by `re3 export`"
         )
-    values = {
-        weight.name.removesuffix(HALF_SUFFIX).removeprefix("network."): torch.from_numpy(
-            numpy_helper.to_array(weight).copy()
-        )
+    stored = {
+        weight.name.removeprefix("network."): torch.from_numpy(numpy_helper.to_array(weight).copy())
         for weight in model.graph.initializer
         if weight.name.startswith("network.")
     }
+    values = {}
+    for integers in [name for name in stored if name.endswith(INTEGER_SUFFIX)]:
+        name = integers.removesuffix(INTEGER_SUFFIX)
+        value, scale = stored.pop(integers), stored.pop(name + SCALE_SUFFIX)
+        del stored[name + ZERO_SUFFIX]
+        values[name] = value * scale.reshape(-1, *[1] * (value.dim() - 1))
+        if name.endswith(".layer.weight"):
+            values[name.replace(".layer.weight", ".weight_scale")] = scale
+    values |= {name.removesuffix(HALF_SUFFIX): value for name, value in stored.items()}
     return ModelSpec.from_json(metadata[SPEC_KEY]).name, values
