@@ -9,6 +9,8 @@ import torch
 
 from re3.engine import load_engine, zero_state
 from re3.network.export import export_onnx
+from re3.network.local_response import PlainLocalResponse
+from re3.network.re3 import Re3, Re3Config
 from re3.network.re3_lite import LiteConfig, Re3Lite
 
 TINY = LiteConfig(fully_connected=16, lstm_units=8, fused=8, embedding=8, correlation=4)
@@ -35,3 +37,28 @@ def test_prelu_is_spelt_out_where_that_is_the_same(tmp_path, steepest, kept):
     found = engine.step(None, crops, zero_state(engine.spec, 2))
     np.testing.assert_allclose(found.corners, corners, atol=1e-4)
     np.testing.assert_allclose(found.score, score, atol=1e-4)
+
+
+@pytest.mark.parametrize("size", [4, 5])
+def test_the_plain_normalisation_is_torchs(size):
+    torch.manual_seed(0)
+    norm = torch.nn.LocalResponseNorm(size, alpha=0.3, beta=0.75, k=1.5)
+    x = torch.randn(2, 12, 7, 7) * 4
+    torch.testing.assert_close(PlainLocalResponse(norm)(x), norm(x))
+
+
+def test_an_exported_normalisation_is_plain_and_the_network_stays_as_it_was(tmp_path):
+    torch.manual_seed(0)
+    network = Re3(Re3Config(fully_connected=8, lstm_units=8)).eval()
+    path = tmp_path / "re3.onnx"
+    export_onnx(network, path, half_weights=False)
+    assert isinstance(network.trunk.norm, torch.nn.LocalResponseNorm)
+    kinds = Counter(node.op_type for node in onnx.load(str(path)).graph.node)
+    assert "Pow" not in kinds
+    assert kinds["Sqrt"] == 2 * 4
+    crops = np.random.default_rng(0).integers(0, 256, (2, 2, 227, 227, 3), dtype=np.uint8)
+    with torch.no_grad():
+        corners, _, _ = network(*torch.from_numpy(crops), network.zero_state(2))
+    engine = load_engine(str(path), "onnx")
+    found = engine.step(*crops, zero_state(engine.spec, 2))
+    np.testing.assert_allclose(found.corners, corners, atol=1e-3)

@@ -18,20 +18,29 @@ using Box = std::array<double, 4>;  // left, top, width, height
 using State = std::map<std::string, std::vector<float>>;
 struct Frame { int width, height; std::vector<uint8_t> bgr; };
 struct View { double context; int size; };
-struct Spec { View previous, current; double fill, scale; int reset; std::string kept; bool look, whole; };
+struct Spec {
+  View previous, current;
+  double fill, scale;
+  int reset;
+  std::string kept;
+  bool look, whole;
+};
 
 // A number of the description that the file carries, after one key and another one after it.
 double number(const std::string& json, const char* key, const char* inner = "") {
   size_t at = json.find(inner, json.find("\"" + std::string(key) + "\""));
-  return std::atof(json.c_str() + json.find_first_of("0123456789", *inner ? at : json.find(':', at)));
+  if (!*inner) at = json.find(':', at);
+  return std::atof(json.c_str() + json.find_first_of("0123456789", at));
 }
 
 Box region(const Box& box, View view) {
   double w = std::max(box[2], 1.0) * view.context, h = std::max(box[3], 1.0) * view.context;
-  double grid = std::exp2(std::floor(std::log2(std::min(w, h) / 256)));  // on it rounding errors do not grow
+  // On a grid of powers of two rounding errors do not grow from frame to frame.
+  double grid = std::exp2(std::floor(std::log2(std::min(w, h) / 256)));
   auto snap = [&](double value) { return std::nearbyint(value / grid) * grid; };
-  double left = snap(box[0] + box[2] / 2 - w / 2), top = snap(box[1] + box[3] / 2 - h / 2);
-  return {left, top, snap(box[0] + box[2] / 2 + w / 2) - left, snap(box[1] + box[3] / 2 + h / 2) - top};
+  double x = box[0] + box[2] / 2, y = box[1] + box[3] / 2;
+  double left = snap(x - w / 2), top = snap(y - h / 2);
+  return {left, top, snap(x + w / 2) - left, snap(y + h / 2) - top};
 }
 
 // What some pixels of a side count for each value of the crop's side: linear interpolation, wider
@@ -58,29 +67,33 @@ std::vector<uint8_t> crop(const Frame& frame, const Box& box, View view, const S
   double fill = spec.fill;
   if (spec.whole) {
     double right = std::nearbyint(r[0] + r[2]), bottom = std::nearbyint(r[1] + r[3]);
-    r = {std::nearbyint(r[0]), std::nearbyint(r[1]), right - std::nearbyint(r[0]), bottom - std::nearbyint(r[1])};
+    double left = std::nearbyint(r[0]), top = std::nearbyint(r[1]);
+    r = {left, top, right - left, bottom - top};
   }
-  auto down = weights(r[1], r[3], view.size, frame.height), across = weights(r[0], r[2], view.size, frame.width);
+  auto down = weights(r[1], r[3], view.size, frame.height);
+  auto across = weights(r[0], r[2], view.size, frame.width);
   size_t line = size_t(frame.width) * 3;
   std::vector<double> row(line);
   std::vector<uint8_t> out;
   for (auto& taps : down) {
     std::fill(row.begin(), row.end(), 0.0);
     for (auto& tap : taps)
-      for (size_t i = 0; i < line; ++i) row[i] += tap.share * (frame.bgr[tap.pixel * line + i] - fill);
+      for (size_t i = 0; i < line; ++i)
+        row[i] += tap.share * (frame.bgr[tap.pixel * line + i] - fill);
     for (auto& cell : across)
       for (int c = 0; c < 3; ++c) {
         double sum = fill;
         for (auto& tap : cell) sum += tap.share * row[tap.pixel * 3 + c];
-        out.push_back((uint8_t)std::floor(sum + 0.500001));  // half way, rounding errors are not to decide
+        // Half way between two values, rounding errors are not to decide.
+        out.push_back((uint8_t)std::floor(sum + 0.500001));
       }
   }
   return out;
 }
 
 // One step of the network: the box found; the state goes on to the new one.
-Box step(Ort::Session& net, const Spec& spec, const Frame& frame, const Frame& previous, const Box& box,
-         State& state) {
+Box step(Ort::Session& net, const Spec& spec, const Frame& frame, const Frame& previous,
+         const Box& box, State& state) {
   Ort::AllocatorWithDefaultOptions allocator;
   auto memory = Ort::MemoryInfo::CreateCpu(OrtArenaAllocator, OrtMemTypeDefault);
   auto now = crop(frame, box, spec.current, spec), before = now;
@@ -93,13 +106,15 @@ Box step(Ort::Session& net, const Spec& spec, const Frame& frame, const Frame& p
     shape[0] = 1;
     if (in[i].find("_crops") != std::string::npos) {
       auto& bytes = in[i] == "current_crops" ? now : before;
-      values.push_back(Ort::Value::CreateTensor<uint8_t>(memory, bytes.data(), bytes.size(), shape.data(), shape.size()));
+      values.push_back(Ort::Value::CreateTensor<uint8_t>(memory, bytes.data(), bytes.size(),
+                                                         shape.data(), shape.size()));
     } else {
       auto& floats = state[in[i]];
       size_t count = 1;
       for (auto side : shape) count *= side;
       floats.resize(count);  // zeros before the first step
-      values.push_back(Ort::Value::CreateTensor<float>(memory, floats.data(), count, shape.data(), shape.size()));
+      values.push_back(Ort::Value::CreateTensor<float>(memory, floats.data(), count, shape.data(),
+                                                       shape.size()));
       out.push_back("new_" + in[i]);
     }
   }
@@ -110,27 +125,38 @@ Box step(Ort::Session& net, const Spec& spec, const Frame& frame, const Frame& p
   State after;
   for (size_t i = 2; i < out.size(); ++i) {
     const float* data = found[i].GetTensorData<float>();
-    after[out[i].substr(4)].assign(data, data + found[i].GetTensorTypeAndShapeInfo().GetElementCount());
+    size_t count = found[i].GetTensorTypeAndShapeInfo().GetElementCount();
+    after[out[i].substr(4)].assign(data, data + count);
   }
   state = after;
   const float* c = found[0].GetTensorData<float>();
   Box r = region(box, spec.current);
-  double w = std::max((c[2] - c[0]) / spec.scale * r[2], 1.0), h = std::max((c[3] - c[1]) / spec.scale * r[3], 1.0);
-  double x = std::clamp(r[0] + (c[0] + c[2]) / 2 / spec.scale * r[2], 0.0, (double)frame.width);
-  double y = std::clamp(r[1] + (c[1] + c[3]) / 2 / spec.scale * r[3], 0.0, (double)frame.height);
+  double across = r[2] / spec.scale, down = r[3] / spec.scale;  // a unit of the corners in pixels
+  double w = std::max((c[2] - c[0]) * across, 1.0), h = std::max((c[3] - c[1]) * down, 1.0);
+  double x = std::clamp(r[0] + (c[0] + c[2]) / 2 * across, 0.0, (double)frame.width);
+  double y = std::clamp(r[1] + (c[1] + c[3]) / 2 * down, 0.0, (double)frame.height);
   return {x - w / 2, y - h / 2, w, h};
 }
 
 int main(int argc, char** argv) {
-  if (argc != 8) return std::fprintf(stderr, "usage: %s model.onnx WIDTH HEIGHT X Y W H\n", argv[0]), 2;
+  if (argc != 8) {
+    std::fprintf(stderr, "usage: %s model.onnx WIDTH HEIGHT X Y W H\n", argv[0]);
+    return 2;
+  }
   Ort::Env env(ORT_LOGGING_LEVEL_ERROR);
   Ort::Session net(env, argv[1], Ort::SessionOptions());
   Ort::AllocatorWithDefaultOptions allocator;
-  std::string json = net.GetModelMetadata().LookupCustomMetadataMapAllocated("re3_spec", allocator).get();
-  Spec spec{{0, 0}, {number(json, "current", "context"), (int)number(json, "current", "size")},
-            number(json, "fill"), number(json, "regression_scale"), (int)number(json, "reset_interval"),
-            json.substr(json.find("kept_at_reset"), json.find(']', json.find("kept_at_reset")) - json.find("kept_at_reset")),
-            json.find("\"look_at_reset\": true") != std::string::npos, json.find("\"whole_pixels\": true") != std::string::npos};
+  auto told = net.GetModelMetadata().LookupCustomMetadataMapAllocated("re3_spec", allocator);
+  std::string json = told.get(), kept = json.substr(json.find("\"kept_at_reset\""));
+  auto is = [&](const char* text) { return json.find(text) != std::string::npos; };
+  Spec spec{{0, 0},
+            {number(json, "current", "context"), (int)number(json, "current", "size")},
+            number(json, "fill"),
+            number(json, "regression_scale"),
+            (int)number(json, "reset_interval"),
+            kept.substr(0, kept.find(']')),
+            is("\"look_at_reset\": true"),
+            is("\"whole_pixels\": true")};
   if (json.find("\"previous\": null") == std::string::npos)
     spec.previous = {number(json, "previous", "context"), (int)number(json, "previous", "size")};
   Frame frame{std::atoi(argv[2]), std::atoi(argv[3]), {}}, previous;

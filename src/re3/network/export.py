@@ -18,6 +18,7 @@ from torch import Tensor, nn
 from re3.model_spec import SPEC_KEY
 from re3.network.base import StepNetwork
 from re3.network.export_integers import store_integers
+from re3.network.local_response import plain_local_response
 from re3.network.weights import HALF_SUFFIX, SCALE_SUFFIX
 
 OPSET = 17
@@ -126,7 +127,7 @@ def _trace(network: StepNetwork, path: Path, opset: int) -> None:
     inputs, outputs = example_inputs(network), output_names(network)
     training = network.training
     network.eval()
-    with warnings.catch_warnings(), torch.no_grad():
+    with warnings.catch_warnings(), torch.no_grad(), plain_local_response(network):
         warnings.simplefilter("ignore")  # of the tracer, about shapes that are constant here
         torch.onnx.export(
             OneStep(network),
