@@ -32,7 +32,7 @@ from re3.network.table_one import CONFIGS, VARIANTS
 from re3.network.variants import build
 from re3.network.weights import load_network
 from re3.training.errors import TrainingError
-from re3.training.records import read_log
+from re3.training.records import read_iterations
 
 RECIPE = """
 phases:
@@ -98,7 +98,7 @@ def test_a_study_from_end_to_end(data, recipe, tmp_path):
     text = (out / "ablation.md").read_text()
     assert "| D | C + own predictions |" in text
     assert "## Which of the paper's conclusions hold" in text
-    assert [entry["unroll"] for entry in read_log(out / "D" / "log.jsonl")] == [1, 2]
+    assert [e["unroll"] for e in read_iterations(out / "D" / "log.jsonl")] == [1, 2]
     assert not (out / "D" / "checkpoint.pt").exists()
     assert load_network(out / "D" / "lite-D.onnx").config.name == "lite-D"
 

@@ -150,7 +150,9 @@ def test_a_run_from_end_to_end(data, tmp_path):
     used = read_recipe(out / RECIPE)
     assert (used.iterations, used.seed) == (2, 5)
     entries = read_log(out / LOG)
-    assert [entry["iteration"] for entry in entries] == [1, 2, 2]
+    assert [entry["iteration"] for entry in entries] == [1, 2, 2, 2]
+    assert "throughput" in entries[2]
+    assert "phase 1 (unroll 2, batch 2): " in done.output
     assert set(entries[-1]["validation"]) == {"AUC", "drops", "accuracy", "robustness"}
     assert read_starts(out)[0]["iteration"] == 0
 

@@ -16,7 +16,7 @@ from re3.training.distributed import ALONE, Processes, check_shares, join_proces
 from re3.training.errors import TrainingError
 from re3.training.loss import tracking_loss
 from re3.training.recipe import FROZEN_TRUNK, LossWeights
-from re3.training.records import LOG, read_log
+from re3.training.records import LOG, read_iterations
 
 PROGRAM = Path(__file__).parent / "tiny.py"
 
@@ -94,7 +94,7 @@ def test_two_processes_equal_one(tmp_path):
         timeout=300,
     )
     assert done.returncode == 0, done.stderr
-    one, two = (read_log(tmp_path / name / LOG) for name in ("one", "two"))
+    one, two = (read_iterations(tmp_path / name / LOG) for name in ("one", "two"))
     assert [entry["iteration"] for entry in two] == list(range(1, CURRICULUM.iterations + 1))
     # The plateau of the loss, of both together, moves both on.
     assert [entry["unroll"] for entry in two] == [entry["unroll"] for entry in one]

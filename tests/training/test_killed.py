@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from tiny import CURRICULUM, train
 
-from re3.training.records import LOG, read_log
+from re3.training.records import LOG, read_iterations, read_log
 
 PROGRAM = Path(__file__).parent / "tiny.py"
 
@@ -42,7 +42,7 @@ def test_a_run_killed_again_and_again_has_the_loss_curve_of_an_uninterrupted_one
     for iterations, seconds in ((2, 0.0), (4, 0.03), (7, 0.0)):
         kill_after(start(folder), folder / LOG, iterations, seconds)
     assert start(folder).wait(timeout=200) == 0
-    killed, whole = read_log(folder / LOG), read_log(tmp_path / "whole" / LOG)
+    killed, whole = (read_iterations(path / LOG) for path in (folder, tmp_path / "whole"))
     assert [entry["iteration"] for entry in killed] == list(range(1, CURRICULUM.iterations + 1))
     for name in ("loss", "gradient_norm", "overlap", "learning_rate", "unroll"):
         np.testing.assert_allclose(

@@ -8,8 +8,11 @@ from re3.training.recipe import Phase
 from re3.training.records import LOG, Records, pictures, read_log
 from re3.training.rollout import Rollout
 from re3.training.step import Learnt
+from re3.training.throughput import Throughput
 
 PHASE = Phase(unroll=2, batch=1, own=0.0, iterations=5)
+PARTS = {"clips": 0.25, "learn": 0.75}
+ENDED = Throughput(1, 2, 4, 5, 12.345, PARTS, PARTS)
 
 
 def learnt(loss=1.0, steps=3, sequences=1, has_box=1.0):
@@ -25,7 +28,8 @@ def learnt(loss=1.0, steps=3, sequences=1, has_box=1.0):
         put_back=0.25,
     )
     losses = Losses(torch.tensor(loss), loss, {"corners": loss / 2}, 0.75, torch.zeros(rows))
-    return Learnt(rollout, torch.full((rows, 4), 5.0), losses, 1.5)
+    sources = {"uav": loss, "stills": 0.5}
+    return Learnt(rollout, torch.full((rows, 4), 5.0), losses, 1.5, sources)
 
 
 def note(records, iterations, loss=1.0):
@@ -41,6 +45,7 @@ def test_an_iteration_is_a_line(tmp_path):
                 "iteration": 1,
                 "loss": 1.0,
                 "terms": {"corners": 0.5},
+                "sources": {"uav": 1.0, "stills": 0.5},
                 "overlap": 0.75,
                 "put_back": 0.25,
                 "learning_rate": 1e-3,
@@ -51,6 +56,25 @@ def test_an_iteration_is_a_line(tmp_path):
                 "processor": 0.5,
             }
         ]
+
+
+def test_a_phase_that_ends_has_a_line(tmp_path):
+    with Records(tmp_path, 0) as records:
+        records.throughput(7, ENDED)
+    assert read_log(tmp_path / LOG) == [
+        {
+            "iteration": 7,
+            "throughput": {
+                "phase": 1,
+                "unroll": 2,
+                "batch": 4,
+                "iterations": 5,
+                "pairs_per_second": 12.35,
+                "seconds": {"clips": 0.25, "learn": 0.75},
+                "shares": {"clips": 0.25, "learn": 0.75},
+            },
+        }
+    ]
 
 
 def test_a_resumed_log_is_cut_at_the_checkpoint(tmp_path):
@@ -78,7 +102,10 @@ def test_a_resumed_log_is_cut_at_the_checkpoint(tmp_path):
 def test_tensorboard_gets_figures_and_pictures(tmp_path):
     with Records(tmp_path, 0) as records:
         note(records, range(1, 201))
-        records.validation(200, {"AUC": 0.5, "drops": 3.0})
+        note(records, range(201, 206), loss=1.0)
+        note(records, range(206, 211), loss=4.0)
+        records.throughput(210, ENDED)
+        records.validation(210, {"AUC": 0.5, "drops": 3.0})
     events = EventAccumulator(str(tmp_path), {"images": 0}).Reload()
     assert {
         "loss/total",
@@ -90,10 +117,15 @@ def test_tensorboard_gets_figures_and_pictures(tmp_path):
         "unroll",
         "batch",
         "seconds/clips",
+        "source/uav",
+        "source/stills",
+        "pairs_per_second",
         "validation/AUC",
         "validation/drops",
     } == set(events.Tags()["scalars"])
-    assert [e.step for e in events.Scalars("gradient_norm")] == list(range(10, 201, 10))
+    assert [e.step for e in events.Scalars("gradient_norm")] == list(range(10, 211, 10))
+    # The mean of a source's losses since the point before.
+    assert [e.value for e in events.Scalars("source/uav")] == [1.0] * 20 + [2.5]
     (picture,) = events.Images(events.Tags()["images"][0])
     assert (picture.step, picture.width, picture.height) == (200, 3 * 40, 40)
 

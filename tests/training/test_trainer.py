@@ -8,12 +8,14 @@ import pytest
 import torch
 from tiny import SMALL as TINY
 
-from re3.data.clip import RecordedClip
+from re3.data.augment import AugmentedClip
+from re3.data.clip import Origin, RecordedClip
 from re3.geometry import decode, search_region
 from re3.network.re3_lite import Re3Lite
 from re3.training.device import Device
 from re3.training.features import FrozenTrunk
-from re3.training.recipe import CropNoise, Phase, Recipe
+from re3.training.recipe import CropNoise, LossWeights, Phase, Recipe
+from re3.training.records import LOG, read_log
 from re3.training.rollout import roll_out
 from re3.training.trainer import Trainer, TrainingError
 
@@ -172,6 +174,63 @@ def test_a_part_holds_all_steps_of_its_sequences(sampler, trunk):
     ]:
         expected = whole.reshape(4, 3, *whole.shape[1:])[:, [2, 0]]
         torch.testing.assert_close(piece.reshape(4, 2, *whole.shape[1:]), expected)
+
+
+class TwoSources:
+    """Clips that say which of two sources they are of, the others of none."""
+
+    sequences = stills = ()
+
+    def __init__(self, sampler, names):
+        self.sampler, self.names = sampler, iter(names)
+
+    def sample(self, frames, rng):
+        clip, name = self.sampler.sample(frames, rng), next(self.names)
+        return AugmentedClip(clip, rng, origin=name and Origin(name, "videos", "clip"))
+
+
+def test_the_loss_is_told_by_source(sampler, tmp_path):
+    names = ["uav", "stills", "uav", None]
+    recipe = replace(RECIPE, phases=(Phase(2, 4, 0.0, 1),), loss=LossWeights(1.0, 0.0, 0.0, 0.0))
+    # One thread draws the clips in order.
+    trainer = Trainer(tiny_network(), TwoSources(sampler, names), recipe, tmp_path, 1)
+    learnt = []
+    learn = trainer._learn
+    trainer._learn = lambda rollout: learnt.append(learn(rollout)) or learnt[-1]
+    trainer.train()
+    (one,) = learnt
+    assert one.rollout.sources == ("uav", "stills", "uav", "")
+    errors = (one.corners - one.rollout.targets).abs().mean(dim=1).reshape(3, 4)
+    present = one.rollout.has_box.reshape(3, 4)
+    expected = {}
+    for name, columns in (("stills", [1]), ("uav", [0, 2])):
+        boxes = present[:, columns]
+        expected[name] = float((errors[:, columns] * boxes).sum() / boxes.sum())
+    assert one.sources == pytest.approx(expected, abs=1e-5)
+    assert expected["stills"] != pytest.approx(expected["uav"], abs=1e-3)
+    assert read_log(tmp_path / LOG)[0]["sources"] == pytest.approx(expected, abs=1e-4)
+    # A part of the batch has the sources of its sequences.
+    assert one.rollout.part(np.array([3, 1])).sources == ("", "stills")
+
+
+def test_each_phase_tells_where_its_time_went(sampler, tmp_path):
+    ended = []
+    make(sampler, tmp_path).train(on_phase=ended.append)
+    assert [(phase.phase, phase.unroll, phase.iterations) for phase in ended] == [
+        (0, 2, 2),
+        (1, 3, 2),
+    ]
+    for phase in ended:
+        assert sum(phase.shares.values()) == pytest.approx(1.0)
+        assert {"clips", "crops", "features", "learn"} <= phase.shares.keys()
+        assert phase.pairs_per_second > 0
+    assert "walk" not in ended[0].seconds  # crops at the truth alone
+    assert ended[1].seconds["walk"] > 0
+    told = [entry for entry in read_log(tmp_path / LOG) if "throughput" in entry]
+    assert [(entry["iteration"], entry["throughput"]) for entry in told] == [
+        (2, ended[0].figures()),
+        (4, ended[1].figures()),
+    ]
 
 
 def test_training_learns(sampler, tmp_path):

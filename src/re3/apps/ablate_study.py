@@ -41,7 +41,7 @@ from re3.training.ablation import RECIPES, shortened, variant_recipe, variant_sa
 from re3.training.device import Device
 from re3.training.recipe import Recipe
 from re3.training.recipe_file import find_recipe, read_recipe
-from re3.training.records import LOG, Progress, read_log
+from re3.training.records import LOG, Progress, read_iterations
 from re3.training.trainer import CHECKPOINT, Trainer
 
 ASKED, TRAINED = "ablation.json", "training.json"
@@ -233,7 +233,7 @@ class Study:
         with tempfile.TemporaryDirectory() as scratch:
             network = self._network(variant, trial)
             Trainer(network, sampler, trial, scratch, self.threads, self.device).train()
-            log = read_log(Path(scratch) / LOG)
+            log = read_iterations(Path(scratch) / LOG)
         seconds = 0.0
         for index, phase in enumerate(recipe.phases):
             # The first iteration of each phase also warms caches up.
@@ -255,7 +255,7 @@ class Study:
     def _finish(self, variant: Variant, trainer: Trainer) -> None:
         folder = self.out / variant.letter
         save_weights(trainer.result, self._weights(variant))
-        log = [entry for entry in read_log(folder / LOG) if "loss" in entry]
+        log = read_iterations(folder / LOG)
         shares = {
             f"{name}, {kind}": s for (name, kind), s in self.sampler(variant).shares().items()
         }

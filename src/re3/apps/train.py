@@ -206,7 +206,7 @@ def train(
         with StopSignals() as stop, Report(console, recipe.iterations) as report:
             # To processes that have a signal already, torchrun passes it on: no second wish.
             stop.finishing = processes.count > 1
-            trainer.train(report, validate, stop=stop)
+            trainer.train(report, validate, stop=stop, on_phase=report.phase)
         if trainer.iteration < recipe.iterations:
             console.print(
                 f"stopped by {stop.name} at iteration {trainer.iteration}; run the same command "

@@ -10,6 +10,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 if TYPE_CHECKING:
     from re3.training.records import Progress as TrainingProgress
+    from re3.training.throughput import Throughput
 
 LOG_SECONDS = 30.0
 
@@ -36,6 +37,10 @@ class Report:
 
     def __exit__(self, *_: object) -> None:
         self.bar.stop()
+
+    def phase(self, ended: Throughput) -> None:
+        """Say how fast a phase went."""
+        self.console.print(str(ended), markup=False)
 
     def __call__(self, progress: TrainingProgress) -> None:
         text = (

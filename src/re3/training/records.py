@@ -17,6 +17,7 @@ from re3.geometry import REGRESSION_SCALE
 from re3.training.checkpoint import PARTIAL, remove_partial
 from re3.training.recipe import Phase
 from re3.training.step import Learnt
+from re3.training.throughput import Throughput
 
 LOG = "log.jsonl"
 SCALARS_EVERY = 10
@@ -64,6 +65,7 @@ class Records:
         path = folder / LOG
         _keep_until(path, iteration)
         self._log = path.open("a", encoding="utf-8")
+        self._sources: dict[str, list[float]] = {}
         self._events = SummaryWriter(str(folder), purge_step=iteration + 1)
 
     def __enter__(self) -> Self:
@@ -94,7 +96,7 @@ class Records:
             phase: that it belongs to.
             learnt: by its last step of the optimiser.
             rate: of learning.
-            seconds: that each part of it took; `clips` is the time waited for data.
+            seconds: that each part of it took, as `re3.training.throughput` names them.
             processor: seconds that this process has had of the processor, in all its threads.
         """
         losses = learnt.losses
@@ -111,12 +113,18 @@ class Records:
                 "iteration": iteration,
                 "loss": losses.value,
                 "terms": losses.parts,
+                "sources": {name: round(value, 4) for name, value in learnt.sources.items()},
                 **figures,
                 "seconds": {name: round(value, 4) for name, value in seconds.items()},
                 "processor": round(processor, 4),
             }
         )
+        for source, value in learnt.sources.items():
+            self._sources.setdefault(source, []).append(value)
         if iteration % SCALARS_EVERY == 0:
+            for source, values in self._sources.items():
+                self._events.add_scalar(f"source/{source}", float(np.mean(values)), iteration)
+            self._sources.clear()
             named = {f"loss/{name}": value for name, value in losses.parts.items()}
             times = {f"seconds/{name}": value for name, value in seconds.items()}
             for name, value in {"loss/total": losses.value, **named, **figures, **times}.items():
@@ -125,6 +133,11 @@ class Records:
             self._events.add_image(
                 "crops (green: true, red: found)", pictures(learnt), iteration, dataformats="HWC"
             )
+
+    def throughput(self, iteration: int, ended: Throughput) -> None:
+        """Note how fast a phase went that ended with this iteration."""
+        self._write({"iteration": iteration, "throughput": ended.figures()})
+        self._events.add_scalar("pairs_per_second", ended.pairs_per_second, iteration)
 
     def validation(self, iteration: int, figures: dict[str, float]) -> None:
         """Note what validation gave."""
@@ -141,6 +154,11 @@ def read_log(path: Path) -> list[dict[str, Any]]:
     """The lines of a log; one that a killed process left unfinished is not among them."""
     lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
     return [json.loads(line) for line in lines if line.endswith("\n")]
+
+
+def read_iterations(path: Path) -> list[dict[str, Any]]:
+    """The lines of a log that are of iterations, not of a validation or a whole phase."""
+    return [entry for entry in read_log(path) if "loss" in entry]
 
 
 def _keep_until(path: Path, iteration: int) -> None:

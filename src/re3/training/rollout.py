@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from re3 import geometry
+from re3.data.augment import AugmentedClip
 from re3.data.clip import Clip
 from re3.geometry import Floats
 from re3.model_spec import CropSpec
@@ -25,6 +26,7 @@ from re3.network.base import Maps, Seen, TrackingNetwork
 from re3.training.draws import Draws
 from re3.training.features import Trunk
 from re3.training.recipe import CropNoise
+from re3.training.throughput import Stopwatch
 
 HIDDEN = 0.2
 """An object of which less than this share is visible counts as hidden."""
@@ -57,6 +59,7 @@ class Rollout:
         put_back: share of own predictions that had to be put back on the truth.
         previous_images, previous: the previous crops, about the same box, and their trunk maps;
             None for a network that takes none.
+        sources: `[N]`, of each sequence; empty where a clip does not say.
     """
 
     images: NDArray[np.uint8]
@@ -69,11 +72,16 @@ class Rollout:
     put_back: float
     previous_images: NDArray[np.uint8] | None = None
     previous: Maps | None = None
+    sources: tuple[str, ...] = ()
+
+    def rows(self, sequences: NDArray[np.int64]) -> Tensor:
+        """Places of all steps of some sequences, step-major; sequences by place in the batch."""
+        batch = len(self.targets) // self.steps
+        return torch.from_numpy((np.arange(self.steps)[:, None] * batch + sequences).reshape(-1))
 
     def part(self, sequences: NDArray[np.int64]) -> Rollout:
         """The roll-out of some of its sequences, by their position in the batch."""
-        batch = len(self.targets) // self.steps
-        rows = torch.from_numpy((np.arange(self.steps)[:, None] * batch + sequences).reshape(-1))
+        rows = self.rows(sequences)
         before = self.previous_images
         return replace(
             self,
@@ -85,6 +93,7 @@ class Rollout:
             targets=self.targets[rows],
             has_box=self.has_box[rows],
             hidden=self.hidden[rows],
+            sources=tuple(self.sources[index] for index in sequences) if self.sources else (),
         )
 
 
@@ -96,6 +105,7 @@ def roll_out(
     noise: CropNoise,
     rng: Draws,
     pool: Executor,
+    watch: Stopwatch | None = None,
 ) -> Rollout:
     """Walk the clips from their first frame to their last.
 
@@ -107,7 +117,9 @@ def roll_out(
         noise: disturbance of the crops.
         rng: source of the noise.
         pool: cuts crops in parallel.
+        watch: gets the time of `crops`, `features` and `walk`.
     """
+    watch = watch or Stopwatch()
     spec = network.spec()
     truth = np.stack([clip.boxes_xyxy for clip in clips])  # [N, T, 4]
     visible = np.stack([clip.visible for clip in clips])  # [N, T]
@@ -133,12 +145,16 @@ def roll_out(
         known = np.where(leapt[:, None], boxes, about)
         looked.append(geometry.encode(known, regions) if t else np.zeros((objects, 4)))
         regions = new_regions
-        images.append(_crops(clips, t, regions, spec.current.size, pool))
-        maps.append(trunk(images[-1]))
+        with watch.time("crops"):
+            images.append(_crops(clips, t, regions, spec.current.size, pool))
+        with watch.time("features"):
+            maps.append(trunk(images[-1]))
         if spec.previous is not None:
-            around = geometry.search_region(known, spec.previous.context)
-            previous_images.append(_crops(clips, max(t - 1, 0), around, spec.previous.size, pool))
-            previous.append(trunk(previous_images[-1]))
+            around, side = geometry.search_region(known, spec.previous.context), spec.previous.size
+            with watch.time("crops"):
+                previous_images.append(_crops(clips, max(t - 1, 0), around, side, pool))
+            with watch.time("features"):
+                previous.append(trunk(previous_images[-1]))
 
         target = geometry.encode(truth[:, t], regions)
         centre = (target[:, :2] + target[:, 2:]) / 2 / geometry.REGRESSION_SCALE
@@ -153,7 +169,7 @@ def roll_out(
         present = ~np.isnan(truth[:, t, 0])
         boxes = np.where(present[:, None], truth[:, t], boxes)
         if own.any() and t < steps - 1:
-            with torch.no_grad():
+            with torch.no_grad(), watch.time("walk"):
                 at = torch.from_numpy(looked[-1]).float().to(device)
                 before = previous[-1] if previous else None
                 corners, memory = network.walk(Seen(maps[-1], before, at), memory)
@@ -174,6 +190,7 @@ def roll_out(
         put_back=put_back / max(1, int(own.sum()) * (steps - 2)),
         previous_images=np.concatenate(previous_images) if previous_images else None,
         previous=_stack(previous) if previous else None,
+        sources=tuple(_source(clip) for clip in clips),
     )
 
 
@@ -217,6 +234,11 @@ def _crops(
     clips: Several[Clip], frame: int, regions: Floats, size: int, pool: Executor
 ) -> NDArray[np.uint8]:
     return np.stack(list(pool.map(lambda c, r: c.crop(frame, r, size), clips, regions)))
+
+
+def _source(clip: Clip) -> str:
+    origin = clip.origin if isinstance(clip, AugmentedClip) else None
+    return "" if origin is None else origin.source
 
 
 def _sane(predicted: Floats) -> NDArray[np.bool_]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn.parallel import DistributedDataParallel
@@ -27,12 +28,14 @@ class Learnt:
         corners: `[steps * N, 4]`, predicted, on the CPU.
         losses: before the step.
         gradient_norm: before clipping.
+        sources: loss of the sequences of each source, of this process's share.
     """
 
     rollout: Rollout
     corners: Tensor
     losses: Losses
     gradient_norm: float
+    sources: dict[str, float] = field(default_factory=dict)
 
 
 class NotFinite(ArithmeticError):
@@ -105,7 +108,25 @@ class Learner:
             raise NotFinite(self._bad_gradients(norm), rollout, corners, losses)
         self.scaler.step(self.optimizer)
         self.scaler.update()
-        return Learnt(rollout, corners, losses, norm)
+        return Learnt(rollout, corners, losses, norm, self._by_source(output, rollout))
+
+    def _by_source(self, output: Prediction, rollout: Rollout) -> dict[str, float]:
+        """The loss of each source's sequences alone, by the same formula."""
+        found = {}
+        for source in sorted(set(rollout.sources) - {""}):
+            own = np.flatnonzero([name == source for name in rollout.sources])
+            rows = rollout.rows(own)
+            with torch.no_grad():
+                losses = tracking_loss(
+                    Prediction(*(None if v is None else v[rows].detach().cpu() for v in output)),
+                    rollout.targets[rows],
+                    rollout.has_box[rows],
+                    rollout.hidden[rows],
+                    self.recipe.loss,
+                )
+            if rollout.has_box[rows].any():
+                found[source] = losses.value
+        return found
 
     def _crops(self, rollout: Rollout) -> tuple[Maps | Tensor, Maps | Tensor | None]:
         """Current and previous crops on the device: maps, or pixels where the trunk learns."""

@@ -31,6 +31,7 @@ from re3.training.recipe import Phase, Recipe
 from re3.training.records import Progress, Records
 from re3.training.rollout import Rollout, roll_out
 from re3.training.step import Learner, Learnt, NotFinite, choose_parts
+from re3.training.throughput import Meter, Stopwatch, Throughput
 
 __all__ = ["BEST", "CHECKPOINT", "Progress", "Trainer", "TrainingError", "Validate"]
 
@@ -118,6 +119,7 @@ class Trainer:
         checkpoint_seconds: float = 180.0,
         validation_seconds: float = 900.0,
         stop: Callable[[], bool] = lambda: False,
+        on_phase: Callable[[Throughput], None] | None = None,
     ) -> None:
         """Run to the end of the recipe.
 
@@ -128,6 +130,7 @@ class Trainer:
             checkpoint_seconds, validation_seconds: time between two of each.
             stop: asked before each iteration; once it says so, a checkpoint is written, and that
                 is all.
+            on_phase: called after each phase, with how fast it went.
 
         Raises:
             TrainingError: a loss or a gradient is not finite; the batch and the last checkpoint
@@ -135,6 +138,7 @@ class Trainer:
         """
         started = saved = validated = time.monotonic()
         pairs, first, used = 0, self.processes.first, time.process_time()
+        meter = Meter()
         with Records(self.folder, self.iteration) if first else nullcontext() as records:
             while self.iteration < self.recipe.iterations:
                 if self.processes.any(stop()):
@@ -151,6 +155,13 @@ class Trainer:
                 records.iteration(self.iteration, phase, learnt, rate, self._seconds, used - before)
                 now = time.monotonic()
                 pairs += phase.batch * (phase.unroll + 1)
+                meter.add(self._seconds)
+                done = self.iteration == self.recipe.iterations
+                if moved or done:
+                    ended = meter.end(index, phase)
+                    records.throughput(self.iteration, ended)
+                    if on_phase is not None:
+                        on_phase(ended)
                 if report is not None:
                     report(
                         Progress(
@@ -163,7 +174,6 @@ class Trainer:
                             pairs / (now - started),
                         )
                     )
-                done = self.iteration == self.recipe.iterations
                 due = done or moved or now - validated > validation_seconds
                 if validate is not None and due:
                     records.validation(self.iteration, self._validate(validate))
@@ -175,9 +185,9 @@ class Trainer:
 
     def _step(self, phase: Phase) -> Learnt:
         """Draw clips, walk them, learn from all their steps."""
-        started = time.monotonic()
-        batch = self._batches.get(self.iteration, phase)
-        drawn = time.monotonic()
+        watch = Stopwatch()
+        with watch.time("clips"):
+            batch = self._batches.get(self.iteration, phase)
         with self.device.autocast():
             rollout = roll_out(
                 batch.clips,
@@ -187,16 +197,13 @@ class Trainer:
                 self.recipe.noise,
                 batch.draws,
                 self._pool,
+                watch,
             )
         if self.iteration + 1 < self.recipe.iterations:
             self._batches.prepare(self.iteration + 1, phase)
-        walked = time.monotonic()
-        learnt = self._learn_in_parts(rollout, batch.rng)
-        self._seconds = {
-            "clips": drawn - started,
-            "roll_out": walked - drawn,
-            "learn": time.monotonic() - walked,
-        }
+        with watch.time("learn"):
+            learnt = self._learn_in_parts(rollout, batch.rng)
+        self._seconds = watch.seconds
         return learnt
 
     def _learn_in_parts(self, rollout: Rollout, rng: np.random.Generator) -> Learnt:
