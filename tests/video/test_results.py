@@ -96,6 +96,33 @@ def test_json_of_frames_without_objects_is_json(tmp_path):
     assert json.loads((tmp_path / "r.json").read_text()) == []
 
 
+def test_motchallenge_text_is_1_based_and_numbers_objects_as_they_come(tmp_path):
+    write(tmp_path / "r.mot.txt", [CAR], [], [PLAIN, CAR], [DOG])
+    assert (tmp_path / "r.mot.txt").read_text().splitlines() == [
+        "8,1,2.500,3.000,30.250,40.000,0.9123,-1,-1,-1",
+        "10,2,6.000,7.000,7.000,8.000,1,-1,-1,-1",
+        "10,1,2.500,3.000,30.250,40.000,0.9123,-1,-1,-1",
+        "11,3,6.000,7.000,7.000,8.000,0.1,-1,-1,-1",
+    ]
+
+
+def test_coco_json(tmp_path):
+    with open_results(tmp_path / "r.coco.json") as writer:
+        writer.frame_size = (64, 48)
+        writer.write(7, 0.28, [CAR, PLAIN])
+        writer.write(8, 0.32, [])
+        writer.write(9, 0.36, [CAR])
+    whole = json.loads((tmp_path / "r.coco.json").read_text())
+    assert whole["categories"] == [{"id": 1, "name": "car"}, {"id": 2, "name": "3"}]
+    image = {"id": 8, "file_name": "000007.jpg", "width": 64, "height": 48, "frame": 7}
+    assert whole["images"][0] == {**image, "timestamp": 0.28}
+    assert [each["id"] for each in whole["images"]] == [8, 10]
+    told = [(a["id"], a["image_id"], a["track_id"], a["score"]) for a in whole["annotations"]]
+    assert told == [(1, 8, 1, 0.9123), (2, 8, 2, None), (3, 10, 1, 0.9123)]
+    assert whole["annotations"][0]["bbox"] == [1.5, 2.0, 30.25, 40.0]
+    assert whole["annotations"][0]["area"] == 30.25 * 40
+
+
 def test_an_older_file_stays_until_the_new_one_is_complete(tmp_path):
     path = tmp_path / "r.csv"
     path.write_text("older")
@@ -130,7 +157,9 @@ def test_standard_output_has_nothing_but_the_rows(capsys):
     assert err == ""
 
 
-@pytest.mark.parametrize("name", ["r.csv", "r.json", "r.jsonl", "r.txt"])
+@pytest.mark.parametrize(
+    "name", ["r.csv", "r.json", "r.jsonl", "r.txt", "r.mot.txt", "r.coco.json"]
+)
 def test_an_interrupted_run_keeps_what_it_had(tmp_path, name):
     path = tmp_path / name
     with pytest.raises(KeyboardInterrupt), open_results(path) as writer:
@@ -138,7 +167,7 @@ def test_an_interrupted_run_keeps_what_it_had(tmp_path, name):
         raise KeyboardInterrupt
     assert list(tmp_path.iterdir()) == [path]
     if name.endswith("json"):
-        assert len(json.loads(path.read_text())) == 1
+        assert len(json.loads(path.read_text())) == (3 if "coco" in name else 1)
 
 
 @pytest.mark.parametrize("name", ["r.csv", "r.json", "r.txt"])
@@ -150,7 +179,7 @@ def test_no_file_without_frames(tmp_path, name):
 
 @pytest.mark.parametrize("name", ["r.xml", "results"])
 def test_an_unknown_ending_is_refused(tmp_path, name):
-    with pytest.raises(ValueError, match=r"expected one of \.csv, \.jsonl, \.json, \.txt"):
+    with pytest.raises(ValueError, match=r"expected one of \.csv, \.txt, \.json, \.jsonl, "):
         open_results(tmp_path / name)
 
 

@@ -70,3 +70,34 @@ class VideoSource(ABC):
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+
+class FirstFrameKept(VideoSource):
+    """A source whose first frame can be looked at before it is walked.
+
+    Args:
+        source: not walked yet; closed with this one.
+
+    Attributes:
+        first: its first frame.
+
+    Raises:
+        SourceError: it has none.
+    """
+
+    def __init__(self, source: VideoSource) -> None:
+        self.name, self.fps = source.name, source.fps
+        self.size, self.frame_count = source.size, source.frame_count
+        self._source, self._rest = source, iter(source)
+        first = next(self._rest, None)
+        if first is None:
+            raise SourceError(f"{source.name} gave no frame; expected at least one")
+        self.first = first
+
+    def __iter__(self) -> Iterator[Frame]:
+        yield self.first
+        yield from self._rest
+
+    def close(self) -> None:
+        """See `VideoSource`."""
+        self._source.close()

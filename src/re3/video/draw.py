@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import cv2
 import numpy as np
@@ -36,7 +36,11 @@ ASCII_ONLY = int(cv2.__version__.split(".")[0]) < 5
 """OpenCV 4 has a stroke font without umlauts and the like, OpenCV 5 a proper one."""
 
 
-def draw_results(image: NDArray[np.uint8], results: Iterable[Result]) -> NDArray[np.uint8]:
+def draw_results(
+    image: NDArray[np.uint8],
+    results: Iterable[Result],
+    colours: Mapping[int, Colour] | None = None,
+) -> NDArray[np.uint8]:
     """A copy of the frame with the objects drawn in.
 
     A tracked object has a solid box in its colour, an uncertain one a thinner dashed box, a lost
@@ -45,13 +49,14 @@ def draw_results(image: NDArray[np.uint8], results: Iterable[Result]) -> NDArray
     Args:
         image: uint8 `[H, W, 3]` BGR; left as it is.
         results: of this frame.
+        colours: BGR by object id; of those left out `colour_of` the id.
     """
     canvas = image.copy()
-    shown = list(results)
-    for result in shown:
-        _draw_box(canvas, result)
-    for result in shown:
-        _draw_label(canvas, result)
+    shown = [(result, _colour(result, colours or {})) for result in results]
+    for result, colour in shown:
+        _draw_box(canvas, result, colour)
+    for result, colour in shown:
+        _draw_label(canvas, result, colour)
     return canvas
 
 
@@ -60,8 +65,10 @@ def colour_of(object_id: int) -> Colour:
     return PALETTE[(object_id - 1) % len(PALETTE)] if object_id > 0 else PALETTE[0]
 
 
-def _colour(result: Result) -> Colour:
-    return LOST_COLOUR if result.status is Status.LOST else colour_of(result.object_id)
+def _colour(result: Result, colours: Mapping[int, Colour]) -> Colour:
+    if result.status is Status.LOST:
+        return LOST_COLOUR
+    return colours.get(result.object_id, colour_of(result.object_id))
 
 
 def _corners(canvas: NDArray[np.uint8], result: Result) -> tuple[int, int, int, int]:
@@ -74,10 +81,9 @@ def _corners(canvas: NDArray[np.uint8], result: Result) -> tuple[int, int, int, 
     return left, top, max(left, right - 1), max(top, bottom - 1)
 
 
-def _draw_box(canvas: NDArray[np.uint8], result: Result) -> None:
+def _draw_box(canvas: NDArray[np.uint8], result: Result, colour: Colour) -> None:
     thickness = max(1, round(min(canvas.shape[:2]) / 240))
     left, top, right, bottom = _corners(canvas, result)
-    colour = _colour(result)
     if result.status is Status.TRACKED:
         # A dark rim keeps the box visible on a background of its own colour. On small frames it
         # would outweigh the line itself.
@@ -117,7 +123,7 @@ def _text(result: Result) -> str:
     return text.encode("ascii", "replace").decode() if ASCII_ONLY else text
 
 
-def _draw_label(canvas: NDArray[np.uint8], result: Result) -> None:
+def _draw_label(canvas: NDArray[np.uint8], result: Result, colour: Colour) -> None:
     """Dark text on a plate of the object's colour: above the box, inside the image."""
     height, width = canvas.shape[:2]
     text = _text(result)
@@ -134,6 +140,6 @@ def _draw_label(canvas: NDArray[np.uint8], result: Result) -> None:
     x = int(np.clip(left, 0, max(width - plate_width, 0)))
     y = int(np.clip(y, 0, max(height - plate_height, 0)))
     plate = canvas[y : y + plate_height, x : x + plate_width]
-    plate[:] = _colour(result)
+    plate[:] = colour
     origin = (x + pad, y + pad + text_height)
     cv2.putText(canvas, text, origin, FONT, scale, TEXT_COLOUR, pen, cv2.LINE_AA)

@@ -40,12 +40,12 @@ class ImageSource(VideoSource):
                 f"there is no frame {start_frame}: {name} has {len(paths)} images; "
                 f"expected a start frame from 0 to {len(paths) - 1}"
             )
-        height, width = _read_image(paths[start_frame]).shape[:2]
+        height, width = read_image(paths[start_frame]).shape[:2]
         self.size = (width, height)
 
     def __iter__(self) -> Iterator[Frame]:
         for index in range(self._start, len(self._paths)):
-            yield Frame(_read_image(self._paths[index]), index, float(index / self.fps))
+            yield Frame(read_image(self._paths[index]), index, float(index / self.fps))
 
     def close(self) -> None:
         pass
@@ -63,7 +63,8 @@ def is_image(path: Path) -> bool:
     return path.suffix.lower() in IMAGE_SUFFIXES
 
 
-def _read_image(path: Path) -> NDArray[np.uint8]:
+def read_image(path: Path) -> NDArray[np.uint8]:
+    """An image file as uint8 `[H, W, 3]` BGR; raises SourceError where it cannot be read."""
     try:
         # Through memory: cv2.imread cannot open every path on Windows, and prints of its own.
         data = np.fromfile(path, np.uint8)

@@ -1,4 +1,7 @@
-"""Results out: CSV, JSON, JSON Lines and OTB text, written whole or not at all."""
+"""Results out: CSV, JSON, JSON Lines, OTB and MOTChallenge text, COCO-style JSON.
+
+Files are written whole or not at all.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,8 @@ def open_results(path: str | Path) -> ResultsWriter:
     """A writer chosen by the file's ending; used as a context manager.
 
     Args:
-        path: ending in .csv, .jsonl, .json or .txt; "-" writes CSV to standard output.
+        path: ending in .csv, .jsonl, .json, .txt (OTB), .mot.txt (MOTChallenge) or .coco.json;
+            "-" writes CSV to standard output.
 
     Raises:
         ValueError: another ending, or a folder.
@@ -37,19 +41,22 @@ def open_results(path: str | Path) -> ResultsWriter:
         return _CsvToStdout()
     path = Path(path)
     kinds: dict[str, Callable[[Path], ResultsWriter]] = {
+        ".mot.txt": _Mot,
+        ".coco.json": _Coco,
         ".csv": _Csv,
         ".jsonl": _JsonLines,
         ".json": _Json,
         ".txt": _Otb,
     }
-    if path.suffix.lower() not in kinds:
+    ending = next((each for each in kinds if path.name.lower().endswith(each)), None)
+    if ending is None:
         raise ValueError(
-            f"results {path} end in {path.suffix!r}; expected one of {', '.join(kinds)}, "
-            "or - for CSV on standard output"
+            f"results {path} end in {path.suffix!r}; expected one of "
+            f"{', '.join(sorted(kinds, key=len))}, or - for CSV on standard output"
         )
     if path.is_dir():
         raise ValueError(f"results {path} is a folder; expected the path of a file")
-    return kinds[path.suffix.lower()](path)
+    return kinds[ending](path)
 
 
 class ResultsWriter(ABC):
@@ -61,10 +68,12 @@ class ResultsWriter(ABC):
 
     Attributes:
         frames_written: so far.
+        frame_size: width and height in pixels; COCO-style JSON names them where they are set.
     """
 
     def __init__(self) -> None:
         self.frames_written = 0
+        self.frame_size: tuple[int, int] | None = None
 
     def write(self, frame_index: int, timestamp: float, results: Iterable[Result]) -> None:
         """Append a frame.
@@ -215,6 +224,76 @@ class _Json(_TextFile):
 
     def _end(self) -> str:
         return "[]\n" if self._separator == "[\n" else "\n]\n"
+
+
+class _Mot(_TextFile):
+    """`frame,id,left,top,width,height,score,-1,-1,-1`, 1-based (Leal-Taixé et al. 2015).
+
+    An id is the place of the object's label among those met so far. A score that a model does not
+    have is 1.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._ids: dict[str, int] = {}
+
+    def _text(self, rows: list[Row]) -> str:
+        lines = []
+        for row in rows:
+            identity = self._ids.setdefault(row["object"], len(self._ids) + 1)
+            score = 1 if row["score"] is None else row["score"]
+            lines.append(
+                f"{row['frame'] + 1},{identity},{row['x'] + 1:.3f},{row['y'] + 1:.3f},"
+                f"{row['w']:.3f},{row['h']:.3f},{score},-1,-1,-1\n"
+            )
+        return "".join(lines)
+
+
+class _Coco(_TextFile):
+    """COCO's instances file (Lin et al. 2014): a category an object, an image a frame.
+
+    Beyond COCO, an annotation has `score`, `status` and `track_id`, an image `frame` (0-based) and
+    `timestamp`. Images are the frames in which an object was followed. Kept in memory until the
+    end, as the three lists lie one behind the other: about 200 bytes a box.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._ids: dict[str, int] = {}
+        self._images: list[Row] = []
+        self._annotations: list[Row] = []
+
+    def _text(self, rows: list[Row]) -> str:
+        for row in rows[:1]:
+            image = {"id": row["frame"] + 1, "file_name": f"{row['frame']:06d}.jpg"}
+            if self.frame_size is not None:
+                image |= {"width": self.frame_size[0], "height": self.frame_size[1]}
+            self._images.append(image | {name: row[name] for name in ("frame", "timestamp")})
+        for row in rows:
+            identity = self._ids.setdefault(row["object"], len(self._ids) + 1)
+            self._annotations.append(
+                {
+                    "id": len(self._annotations) + 1,
+                    "image_id": row["frame"] + 1,
+                    "category_id": identity,
+                    "track_id": identity,
+                    "bbox": [row[side] for side in "xywh"],
+                    "area": round(row["w"] * row["h"], 3),
+                    "iscrowd": 0,
+                    "score": row["score"],
+                    "status": row["status"],
+                }
+            )
+        return ""
+
+    def _end(self) -> str:
+        categories = [{"id": identity, "name": label} for label, identity in self._ids.items()]
+        whole = {
+            "images": self._images,
+            "annotations": self._annotations,
+            "categories": categories,
+        }
+        return json.dumps(whole, indent=1) + "\n"
 
 
 class _Otb(ResultsWriter):
