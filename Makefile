@@ -1,5 +1,6 @@
-# Two commands do all the set-up; each makes and fills .venv itself and is quick the second time.
+# These commands do all the set-up; each makes and fills .venv itself and is quick the second time.
 #   make demo   track the bundled clip
+#   make serve  the page: draw a box in the browser
 #   make test   run the tests
 PYTHON ?= python3
 VENV := .venv
@@ -14,10 +15,16 @@ EVAL ?=
 NANOTRACK := $(if $(wildcard ../shared/peers/nanotrack),-t nanotrack-v2 -t nanotrack-v3)
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: demo test lint eval speed train clean
+# `make serve SERVE="--port 9000"` hands options on.
+SERVE ?= --open
+
+.PHONY: demo serve test lint eval speed train clean
 
 demo: $(VENV)/.tracking
 	$(BIN)/python examples/demo.py
+
+serve: $(VENV)/.serve
+	$(BIN)/re3 serve $(SERVE)
 
 test: $(VENV)/.development
 	$(BIN)/python -m pytest
@@ -49,6 +56,11 @@ $(VENV)/.tracking: pyproject.toml | $(VENV)/bin/python
 	@$(PIP) install --editable .
 	@touch $@
 
+$(VENV)/.serve: pyproject.toml | $(BIN)/python
+	@echo "installing what tracking and the page need into $(VENV) ..."
+	@$(PIP) install --editable '.[serve]'
+	@touch $@ $(VENV)/.tracking
+
 $(VENV)/.report: pyproject.toml | $(BIN)/python
 	@echo "installing what tracking and reports need into $(VENV) ..."
 	@$(PIP) install --editable '.[report]'
@@ -57,9 +69,9 @@ $(VENV)/.report: pyproject.toml | $(BIN)/python
 $(VENV)/.development: pyproject.toml | $(VENV)/bin/python
 	@echo "installing what tests and training need into $(VENV) ..."
 	@$(PIP) install '$(TORCH)'
-	@$(PIP) install --editable '.[train,dev,report,vot]'
+	@$(PIP) install --editable '.[train,dev,report,serve,vot]'
 	@$(PIP) install --no-deps vot-toolkit==0.9.0  # by itself it would bring a second OpenCV
-	@touch $@ $(VENV)/.tracking $(VENV)/.report
+	@touch $@ $(VENV)/.tracking $(VENV)/.report $(VENV)/.serve
 
 clean:
 	rm -rf $(VENV) out build dist .pytest_cache .mypy_cache .ruff_cache

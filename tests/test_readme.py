@@ -68,7 +68,7 @@ def test_commands_inside_an_app_are_found():
 def test_the_make_commands_exist():
     targets = re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), flags=re.MULTILINE)
     used = [command[1] for command in commands("make")]
-    assert used == ["demo", "test"]
+    assert used == ["demo", "serve", "test"]
     assert set(used) <= set(targets)
 
 

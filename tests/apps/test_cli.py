@@ -35,6 +35,7 @@ def rows(text):
 
 COMMANDS = (
     "track",
+    "serve",
     "models",
     "eval",
     "bench",

@@ -75,3 +75,12 @@ def test_the_box_is_drawn_on_its_own_pixels():
     drawn = draw_results(np.zeros((200, 200, 3), np.uint8), [result((100, 100, 50, 40))])
     rows, columns = np.nonzero((drawn[100:, 100:] == PALETTE[0]).all(axis=2))
     assert (rows.max() + 1, columns.max() + 1) == (40, 50)
+
+
+def test_objects_may_be_given_colours_and_a_lost_one_stays_grey():
+    image = np.zeros((200, 200, 3), np.uint8)
+    shown = [result((20, 40, 60, 60)), result((100, 100, 50, 40), object_id=2)]
+    drawn = draw_results(image, shown, {2: (1, 2, 253)})
+    assert has(drawn, (1, 2, 253)) and has(drawn, PALETTE[0])
+    lost = draw_results(image, [result((20, 40, 60, 60), Status.LOST)], {1: (1, 2, 253)})
+    assert has(lost, LOST_COLOUR) and not has(lost, (1, 2, 253))

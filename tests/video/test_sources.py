@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from re3.video import SourceError, VideoWriter, open_source
+from re3.video import FirstFrameKept, SourceError, VideoWriter, open_source
 
 
 def level(index):
@@ -99,6 +99,13 @@ def test_a_source_is_walked_once_and_gives_nothing_when_closed(clip):
         assert next(walked).index == 1
     assert list(walked) == []
     assert list(source) == []
+
+
+def test_the_first_frame_can_be_looked_at_before_the_walk(clip):
+    with open_source(clip) as plain, FirstFrameKept(open_source(clip)) as kept:
+        assert (kept.fps, kept.size, kept.frame_count) == (plain.fps, plain.size, plain.frame_count)
+        assert kept.first.index == 0
+        assert numbers(kept) == numbers(plain)
 
 
 @pytest.mark.parametrize("kind", ["noise", "cut"])

@@ -16,6 +16,7 @@ from re3.apps.data import data
 from re3.apps.evaluate import evaluate
 from re3.apps.export import export
 from re3.apps.qualitative import qualitative
+from re3.apps.serve import serve
 from re3.apps.simulate import simulate
 from re3.apps.track import track
 from re3.apps.train import train
@@ -85,6 +86,7 @@ def models() -> None:
 
 # As `re3 --help` lists them: track, compare, train; apps of several commands come last.
 app.command()(track)
+app.command()(serve)
 app.command()(models)
 app.command(name="eval")(evaluate)
 app.command()(bench)

@@ -1,0 +1,420 @@
+// The second screen: the video, its objects, and what is done with them.
+
+import { Stream, request } from "./api.js";
+import { Chart } from "./chart.js";
+import { Model } from "./model.js";
+import { ObjectList } from "./objects.js";
+import { Stage } from "./stage.js";
+
+const $ = (id) => document.getElementById(id);
+const WHY_GONE = {
+  expired: "This session has ended: nobody has used it for too long.",
+  ended: "This session has been ended.",
+  stopped: "The server has been stopped, and this session with it.",
+  unknown: "This session has ended, or the server was started anew.",
+  refused: "This session has ended: its video could not be used.",
+};
+
+export class WorkScreen {
+  /** `banner(text, button, act)` tells of trouble. */
+  constructor(about, banner) {
+    this.about = about;
+    this.banner = banner;
+    const model = this.model = new Model();
+    this.camera = null;
+    this.stream = null;
+    this.times = [];
+    this.lost = new Set();
+    this.goOn = false;
+    this.said = "";
+    this.turn = this.lastTurn = 0; // of pictures: decoding may change their order
+    this.stage = new Stage($("stage"), model, {
+      hold: () => this.hold(),
+      release: () => this.release(),
+      drawn: (box) => this.drawn(box),
+      changed: (id, box) => this.change(id, { box_xywh: box }, true),
+      select: (id) => this.select(id),
+      say: (text) => this.say(text),
+    });
+    this.chart = new Chart($("chart"), model, (frame) => this.command({ do: "seek", frame }));
+    this.list = new ObjectList($("objects"), $("no-objects"), model, {
+      rename: (id, name) => this.change(id, { name }),
+      recolour: (id, colour) => this.change(id, { colour }),
+      redraw: (id) => this.redraw(id),
+      end: (id) => this.ask("POST", `/objects/${id}/end`),
+      remove: (id) => this.ask("DELETE", `/objects/${id}`),
+      select: (id) => this.select(id),
+    });
+    this.wire();
+  }
+
+  wire() {
+    $("play").addEventListener("click", () => this.toggle());
+    $("back").addEventListener("click", () => this.step(-1));
+    $("forward").addEventListener("click", () => this.step(1));
+    $("speed").addEventListener("change", () => this.model.session?.playing && this.play());
+    $("add").addEventListener("click", () => this.stage.beginDraft());
+    $("copy").addEventListener("click", () => this.copyLink());
+    $("done").addEventListener("click", () => this.handOver());
+    $("idle").textContent = this.about.limits.idle_minutes;
+    for (const { kind, title } of this.about.exports) {
+      const item = document.createElement("li");
+      const link = Object.assign(document.createElement("a"), { textContent: title, download: "" });
+      link.dataset.kind = kind;
+      link.addEventListener("click", (event) => {
+        if (this.model.objects.length) return;
+        event.preventDefault();
+        this.say("Nothing is tracked yet. Draw a box first.");
+      });
+      item.append(link);
+      $("exports").append(item);
+    }
+    document.addEventListener("keydown", (event) => this.key(event));
+    // After a click the keys are for the video again, not for the button clicked.
+    for (const id of ["play", "back", "forward"]) {
+      $(id).addEventListener("click", (event) => event.detail && $("stage").focus({ preventScroll: true }));
+    }
+  }
+
+  open(session, camera) {
+    this.id = session.id;
+    this.camera = camera;
+    $("title").textContent = session.title;
+    for (const link of $("exports").querySelectorAll("a")) {
+      link.href = `/api/sessions/${session.id}/export/${link.dataset.kind}`;
+    }
+    this.stream = new Stream(session.id, {
+      message: (head, picture) => this.message(head, picture),
+      lost: () => this.banner("The connection to the server is lost; trying again. If it was "
+        + "stopped, start re3 serve again: its sessions are gone then."),
+      back: () => {
+        this.banner("");
+        this.camera?.restart();
+      },
+    });
+    this.update(session);
+    this.camera?.start((blob) => this.stream.send(blob), () => {
+      this.camera.running = false;
+      this.updateControls();
+      this.banner("The camera gives no pictures any more. What was tracked stays.");
+    });
+    this.updateControls();
+    $("stage").focus({ preventScroll: true });
+  }
+
+  // From the server
+
+  message(head, picture) {
+    const handle = {
+      state: () => this.update(head.session),
+      boxes: () => head.frames.forEach((frame) => this.model.setFrame(frame)),
+      frame: () => this.frame(head, picture),
+      dropped: () => this.camera?.answered(head.number),
+      refused: () => {
+        this.camera?.answered(head.number);
+        if (this.camera && head.limit) this.camera.running = false;
+        this.banner(head.error);
+        this.updateControls();
+      },
+      error: () => this.banner(head.error),
+      gone: () => this.gone(head.why),
+    }[head.type];
+    handle?.();
+  }
+
+  async frame(head, picture) {
+    const { model } = this;
+    model.setFrame(head);
+    model.position = head.index;
+    const own = head.number === undefined ? null : this.camera?.answered(head.number);
+    if (picture) {
+      const turn = ++this.turn;
+      const image = await createImageBitmap(picture);
+      await nextPaint();
+      this.stream.send({ do: "shown" });
+      if (turn > this.lastTurn) {
+        this.lastTurn = turn;
+        this.stage.show(image);
+        this.shown(head);
+      }
+      image.close();
+    } else if (own) {
+      this.stage.setSize(own.image.width, own.image.height);
+      this.stage.show(own.image);
+      this.shown({ ...head, latency: own.ms });
+    } else if (head.index === model.shown) {
+      this.refresh(head);
+    }
+    this.chart.update();
+  }
+
+  shown(head) {
+    this.model.shown = head.index;
+    this.times.push(performance.now());
+    if (this.times.length > 20) this.times.shift();
+    this.refresh(head);
+  }
+
+  refresh(head) {
+    this.stage.draw();
+    this.list.updateScores();
+    this.figures(head);
+    this.announceLost();
+    this.updateHint();
+  }
+
+  figures(head) {
+    const { model, times } = this;
+    const count = model.live ? "" : ` / ${model.frameCount - 1}`;
+    $("counter").textContent = `${model.shown}${count}`;
+    if (head.tracking_fps) $("tracking-fps").textContent = `${head.tracking_fps.toFixed(0)} FPS`;
+    const ms = head.latency ?? head.tracking_ms;
+    if (ms) $("latency").textContent = `${ms.toFixed(0)} ms`;
+    const seconds = (times.at(-1) - times[0]) / 1000;
+    const running = model.session.playing || this.camera?.running;
+    $("shown-fps").textContent = running && seconds > 0 ? `${((times.length - 1) / seconds).toFixed(0)} FPS` : "–";
+  }
+
+  announceLost() {
+    for (const object of this.model.objects) {
+      const lost = this.model.result(object.id)?.status === "lost";
+      if (lost && !this.lost.has(object.id)) this.lost.add(object.id);
+      else if (!lost) this.lost.delete(object.id);
+    }
+  }
+
+  update(session) {
+    this.model.setSession(session);
+    if (session.ready) this.stage.setSize(session.width, session.height);
+    if (!session.playing) this.times = [];
+    this.list.update();
+    this.stage.draw();
+    this.chart.update();
+    this.updateControls();
+    this.updateHint();
+  }
+
+  gone(why) {
+    this.stream.close();
+    this.camera?.stop();
+    this.model.session = { ...this.model.session, ready: false, playing: false };
+    this.updateControls();
+    this.updateHint();
+    this.banner(WHY_GONE[why] ?? WHY_GONE.unknown, "Start again", () => location.assign("/"));
+  }
+
+  updateControls() {
+    const { model } = this;
+    const { ready, playing, source } = model.session;
+    const tracked = model.objects.length > 0;
+    const running = playing || Boolean(this.camera?.running);
+    $("play").textContent = running ? "Pause" : this.camera ? "Go on" : tracked ? "Track" : "Play";
+    $("play").disabled = !ready && !this.camera;
+    $("back").disabled = !ready || model.position === 0;
+    $("forward").disabled = !ready;
+    $("add").disabled = !ready;
+    const select = source === "select";
+    $("select-box").hidden = !select;
+    $("results-box").hidden = select;
+    $("chart-box").hidden = select;
+    document.querySelector(".controls").hidden = select;
+    $("done").disabled = !tracked || !ready;
+    $("speed-label").hidden = Boolean(this.camera);
+    for (const link of $("exports").querySelectorAll("a")) {
+      link.toggleAttribute("aria-disabled", false);
+      if (!tracked) link.setAttribute("aria-disabled", "true");
+    }
+  }
+
+  updateHint() {
+    const text = this.hint();
+    if (text !== $("hint").textContent) $("hint").textContent = text;
+  }
+
+  hint() {
+    const { model } = this;
+    const { session } = model;
+    if (!session.ready) return this.camera ? "Waiting for the camera …" : "This session is over.";
+    if (this.said) return this.said;
+    const redrawn = model.object(model.redrawing);
+    if (redrawn) return `Draw a box around ${redrawn.name}.`;
+    const lost = model.objects.filter((each) => this.lost.has(each.id)).map((each) => each.name);
+    if (lost.length) return `${lost.join(", ")}: lost. Press Redraw and draw a box, or go on.`;
+    if (!model.objects.length) {
+      return session.ended ? "The end. Go back, and draw a box around something."
+        : "Draw a box around something to track.";
+    }
+    if (session.source === "select") return "Draw more boxes, or press Enter to track in the terminal.";
+    if (session.broken && session.ended) return `The video ends here: ${session.broken}`;
+    if (session.playing || this.camera?.running) return "Tracking. Space pauses.";
+    if (session.ended) return "The end of the video. Download the boxes, or go back and correct them.";
+    if (this.camera) return "Paused. Drag a box to correct it, or press Space to go on.";
+    if (model.position === session.start && session.tracked_until === session.start) {
+      return "Press Space to track. Or draw more boxes.";
+    }
+    return "Paused. Drag a box to correct it, or press Space to go on.";
+  }
+
+  /** For a moment, in place of the hint; screen readers read it as well. */
+  say(text) {
+    this.said = text;
+    clearTimeout(this.saying);
+    this.saying = setTimeout(() => {
+      this.said = "";
+      this.updateHint();
+    }, 4000);
+    this.updateHint();
+  }
+
+  // To the server
+
+  command(command) {
+    this.banner("");
+    this.said = "";
+    this.stream.send(command);
+  }
+
+  play() {
+    this.model.redrawing = null;
+    this.command({ do: "play", speed: Number($("speed").value) });
+  }
+
+  toggle() {
+    if (this.camera) {
+      this.camera.running = !this.camera.running && this.camera.media.active;
+      this.updateControls();
+      this.updateHint();
+    } else if (this.model.session.playing) this.command({ do: "pause" });
+    else this.play();
+  }
+
+  step(by) {
+    if (this.camera) this.camera.running = false;
+    this.command({ do: "step", by });
+    this.updateControls();
+  }
+
+  /** The picture stands still while a box is drawn. */
+  hold() {
+    if (this.camera) {
+      this.goOn = this.goOn || this.camera.running;
+      this.camera.running = false;
+    } else if (this.model.session.playing) this.command({ do: "pause" });
+  }
+
+  release() {
+    if (this.camera && this.goOn) this.camera.running = this.camera.media.active;
+    this.goOn = false;
+    this.updateControls();
+  }
+
+  /** A request about the session; what is wrong, or null. */
+  async ask(method, path, body) {
+    try {
+      const told = await request(method, `/api/sessions/${this.id}${path}`, body);
+      this.banner("");
+      this.answer = told;
+      return null;
+    } catch (error) {
+      if (error.status === 404 && /no such session/.test(error.message)) this.gone("unknown");
+      else this.banner(error.message);
+      return error.message;
+    }
+  }
+
+  async drawn(box) {
+    const { redrawing } = this.model;
+    if (redrawing !== null) {
+      await this.change(redrawing, { box_xywh: box }, true);
+      return;
+    }
+    if (await this.ask("POST", "/objects", { box_xywh: box }) === null) {
+      this.select(this.answer.id);
+    }
+    this.release();
+  }
+
+  async change(id, changes, drawn = false) {
+    if (drawn) this.model.redrawing = null;
+    const wrong = await this.ask("PATCH", `/objects/${id}`, changes);
+    if (drawn) {
+      this.select(id);
+      this.release();
+    }
+    return wrong;
+  }
+
+  select(id) {
+    this.model.selected = id;
+    this.list.update();
+    this.stage.draw();
+  }
+
+  redraw(id) {
+    this.hold();
+    this.model.redrawing = id;
+    this.select(id);
+    this.said = "";
+    this.updateHint();
+    $("stage").focus({ preventScroll: false });
+  }
+
+  async handOver() {
+    if (await this.ask("POST", "/done") !== null) return;
+    this.stream.close();
+    this.model.session = { ...this.model.session, ready: false };
+    this.updateControls();
+    $("hint").textContent = "Tracking goes on in the terminal. You may close this page.";
+  }
+
+  async copyLink() {
+    const link = new URL(`/s/${this.id}`, location.href).href;
+    try {
+      await navigator.clipboard.writeText(link);
+      $("copy").textContent = "Copied";
+      setTimeout(() => { $("copy").textContent = "Copy link"; }, 2000);
+    } catch {
+      prompt("The link of this session", link);
+    }
+  }
+
+  // Keys
+
+  key(event) {
+    if (!this.stream || event.ctrlKey || event.metaKey) return;
+    const target = event.target;
+    if (target.matches("input, select, textarea")) return;
+    if (this.stage.key(event)) {
+      event.preventDefault();
+      return;
+    }
+    if (!this.model.ready && !this.camera) return;
+    const control = target.matches("button, a, summary");
+    const inStage = target === this.stage.element;
+    const select = this.model.session.source === "select";
+    const acts = {
+      " ": () => !control && !select && this.toggle(),
+      ArrowLeft: () => !control && !select && this.step(-1),
+      ArrowRight: () => !control && !select && this.step(1),
+      Enter: () => {
+        if (control) return false;
+        if (select && this.model.objects.length && this.model.redrawing === null) return this.handOver();
+        return inStage && this.stage.beginDraft(this.model.redrawing ?? this.model.selected);
+      },
+      Delete: () => !control && this.model.selected !== null
+        && this.ask("DELETE", `/objects/${this.model.selected}`),
+      Escape: () => {
+        this.model.redrawing = null;
+        this.stage.cancel();
+        this.select(null);
+        this.updateHint();
+      },
+    };
+    if (acts[event.key] && acts[event.key]() !== false) event.preventDefault();
+  }
+}
+
+function nextPaint() {
+  // A page in the background is not painted; it must not hold up the pictures.
+  return document.hidden ? Promise.resolve() : new Promise((resolve) => requestAnimationFrame(resolve));
+}

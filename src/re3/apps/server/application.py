@@ -1,0 +1,120 @@
+"""The web application: page, REST, WebSocket, and errors that say what to do."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Iterable
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import FileResponse, JSONResponse, Response
+from fastapi.staticfiles import StaticFiles
+from starlette.exceptions import HTTPException
+
+import re3
+from re3.apps.server.limits import Limits, OverLimitError
+from re3.apps.server.routes import router as rest
+from re3.apps.server.security import SameSiteOnly
+from re3.apps.server.session import NotReadyError
+from re3.apps.server.sessions import Sessions
+from re3.apps.server.stream import router as streams
+from re3.engine import load_engine
+
+PAGE = Path(__file__).parents[1] / "page"
+
+DESCRIPTION = """Track objects in a video: create a session, upload the video, give an object's box
+in the first frame, track, get the boxes. `examples/client.py` does so in 20 lines.
+
+A session's WebSocket, `/api/sessions/{session_id}/stream`, tells of every frame as it is tracked
+and takes frames of a camera; see `docs/serve.md`."""
+
+OVER_LIMIT = {"sessions": 429, "objects": 409}
+"""HTTP status by kind of limit; of the others 413."""
+
+
+def create_app(
+    model: str = "re3-lite",
+    engine: str = "auto",
+    limits: Limits | None = None,
+    names: Iterable[str] = (),
+) -> FastAPI:
+    """The application, with the model loaded.
+
+    Args:
+        model, engine: as in `re3.MultiTracker`.
+        limits: what it allows.
+        names: host names by which it may be asked, besides addresses and localhost.
+
+    Raises:
+        FileNotFoundError, ImportError, ValueError: the model cannot be loaded.
+    """
+    sessions = Sessions(load_engine(model, engine), limits or Limits())
+
+    @asynccontextmanager
+    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        async with sessions.running():
+            yield
+
+    app = FastAPI(
+        title="re3",
+        version=re3.__version__,
+        description=DESCRIPTION,
+        lifespan=lifespan,
+        # Their pages load scripts from elsewhere; /docs is our own.
+        docs_url=None,
+        redoc_url=None,
+    )
+    app.state.sessions, app.state.model = sessions, model
+    app.add_middleware(SameSiteOnly, names=names)
+    app.include_router(rest)
+    app.include_router(streams)
+    _add_errors(app)
+    _add_pages(app)
+    return app
+
+
+def _add_pages(app: FastAPI) -> None:
+    @app.get("/", include_in_schema=False)
+    @app.get("/s/{session_id}", include_in_schema=False)
+    async def page() -> FileResponse:
+        return FileResponse(PAGE / "index.html")
+
+    @app.get("/docs", include_in_schema=False)
+    async def docs() -> FileResponse:
+        return FileResponse(PAGE / "docs.html")
+
+    app.mount("/page", StaticFiles(directory=PAGE), name="page")
+
+
+def _add_errors(app: FastAPI) -> None:
+    def told(status: int, detail: str, limit: str | None = None) -> Response:
+        return JSONResponse({"detail": detail, "limit": limit}, status)
+
+    @app.exception_handler(OverLimitError)
+    async def over_limit(_: Request, error: OverLimitError) -> Response:
+        return told(OVER_LIMIT.get(error.kind, 413), str(error), error.kind)
+
+    @app.exception_handler(ValueError)
+    async def unusable(_: Request, error: ValueError) -> Response:
+        return told(422, str(error))
+
+    @app.exception_handler(KeyError)
+    async def unknown(_: Request, error: KeyError) -> Response:
+        return told(404, str(error.args[0]))
+
+    @app.exception_handler(NotReadyError)
+    async def not_now(_: Request, error: NotReadyError) -> Response:
+        return told(409, str(error))
+
+    @app.exception_handler(RequestValidationError)
+    async def invalid(_: Request, error: RequestValidationError) -> Response:
+        parts = [
+            f"{'.'.join(str(part) for part in each['loc'])}: {each['msg']}"
+            for each in error.errors()
+        ]
+        return told(422, "; ".join(parts))
+
+    @app.exception_handler(HTTPException)
+    async def other(_: Request, error: HTTPException) -> Response:
+        return told(error.status_code, str(error.detail))
