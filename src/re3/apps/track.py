@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import sys
 from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass
@@ -13,13 +14,13 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-from re3.apps.console import failed, stderr
+from re3.apps.console import INTERRUPTED, failed, stderr
 from re3.apps.stopping import StopSignals
 from re3.apps.tracking import Box, Tracked, track_video
 from re3.engine import ENGINES
 from re3.models import DEFAULT_MODEL
 from re3.timed_tracker import TimedMultiTracker
-from re3.video import VideoSource, VideoWriter, open_results, open_source
+from re3.video import FirstFrameKept, VideoSource, VideoWriter, open_results, open_source
 
 BROKEN_SOURCE = 1
 BROKEN_PIPE = 141
@@ -71,6 +72,10 @@ def track(
             show_default=False,
         ),
     ] = None,
+    select: Annotated[
+        bool,
+        typer.Option("--select", help="Draw the boxes in the browser, on a page with that frame."),
+    ] = False,
     start_frame: Annotated[
         int, typer.Option(help="Frame in which the boxes are; those before are skipped.", min=0)
     ] = 0,
@@ -100,8 +105,8 @@ def track(
         typer.Option(
             "--results",
             "-r",
-            help="Boxes to write: .csv, .json, .jsonl, .txt (OTB: x,y,w,h a line), or - for CSV "
-            "on standard output.",
+            help="Boxes to write: .csv, .json, .jsonl, .txt (OTB: x,y,w,h a line), .mot.txt "
+            "(MOTChallenge), .coco.json, or - for CSV on standard output.",
             metavar="FILE",
             show_default=False,
         ),
@@ -114,13 +119,15 @@ def track(
         re3 track clip.mp4 --box 120,80,60,140 --out tracked.mp4 --results boxes.csv
 
         re3 track shots/ --object car=10,20,80,40 --object dog=200,90,40,50 --results -
+
+        re3 track clip.mp4 --select --out tracked.mp4
     """
     console = stderr()
     try:
         run = _run(
             console,
             source,
-            _parse_objects(box, objects or []),
+            _parse_objects(box, objects or [], select),
             start_frame,
             max_frames,
             model,
@@ -132,6 +139,8 @@ def track(
         # `re3 track ... --results - | head`: not an error of ours, nor anything to say.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise typer.Exit(BROKEN_PIPE) from None
+    except KeyboardInterrupt:  # before there is anything to finish
+        raise typer.Exit(INTERRUPTED) from None
     except (ImportError, OSError, ValueError) as error:
         raise failed(error) from error
     _summarise(console, run, told=results is not None)
@@ -158,7 +167,12 @@ def _run(
     tracker = TimedMultiTracker(model, engine)
     with ExitStack() as stack:
         frames = stack.enter_context(open_source(spec, start_frame=start_frame))
+        if not objects:
+            frames = FirstFrameKept(frames)
+            objects = _select(console, frames)
         video = VideoWriter(out, frames.fps, frames.size) if out is not None else None
+        if rows is not None:
+            rows.frame_size = frames.size
         # Entered before the writers, so that it is still there while they complete their files.
         stopped = stack.enter_context(StopSignals())
         for writer in (video, rows):
@@ -184,6 +198,28 @@ def _run(
     if rows is not None:
         written.update((path, rows.frames_written) for path in rows.paths)
     return _Run(frames.name, outcome, written, stopped)
+
+
+def _select(console: Console, frames: FirstFrameKept) -> dict[str, Box]:
+    """Boxes drawn on a page."""
+    try:
+        from re3.apps.server.running import open_browser
+        from re3.apps.server.selecting import select_objects
+    except ImportError as error:
+        raise ImportError(
+            f"--select needs FastAPI and Uvicorn ({error}): pip install 're3[serve]', "
+            "or give the box with --box"
+        ) from error
+
+    def announce(url: str) -> None:
+        console.print(f"draw boxes on {url} (Ctrl-C stops)", markup=False)
+        open_browser(url)
+
+    objects = select_objects(frames.first.image, frames.name, announce)
+    for name, box in objects.items():
+        numbers = ",".join(f"{value:.10g}" for value in box)
+        console.print(f"--object {shlex.quote(f'{name}={numbers}')}", markup=False)
+    return objects
 
 
 def _progress_bar(
@@ -247,8 +283,8 @@ def _summarise(console: Console, run: _Run, *, told: bool) -> None:
         say("nothing was written; --out FILE.mp4 or --results FILE.csv keep the boxes")
 
 
-def _parse_objects(box: str | None, named: list[str]) -> dict[str, Box]:
-    """Name -> box; raises ValueError that says what was given."""
+def _parse_objects(box: str | None, named: list[str], select: bool) -> dict[str, Box]:
+    """Name -> box, none to `select` them later; raises ValueError that says what was given."""
     objects = {} if box is None else {"object": parse_box("--box", box)}
     for text in named:
         name, equals, numbers = text.rpartition("=")
@@ -257,11 +293,13 @@ def _parse_objects(box: str | None, named: list[str]) -> dict[str, Box]:
         if name.strip() in objects:
             raise ValueError(f"two objects are called {name.strip()!r}; give each its own name")
         objects[name.strip()] = parse_box("--object", numbers)
-    if not objects:
+    if not objects and not select:
         raise ValueError(
             "no object to track; give its box in the first frame: --box X,Y,W,H "
-            "(left, top, width, height in pixels)"
+            "(left, top, width, height in pixels), or draw it: --select"
         )
+    if objects and select:
+        raise ValueError("--select draws the boxes; leave out --box and --object")
     return objects
 
 
