@@ -50,6 +50,7 @@ class ContainerSource(VideoSource):
         self.name = self._shown if self._live else Path(location).name
         self._container = self._open(location)
         self._decoded = 0
+        self._start_time: float | None = None
         self._decoder = self._decode(start_frame)
         try:
             if not self._container.streams.video:
@@ -127,15 +128,15 @@ class ContainerSource(VideoSource):
         return f"{self._shown} is broken from its first frame on: {_reason(error)}"
 
     def _decode(self, start_frame: int) -> Generator[Frame, None, None]:
-        start_time: float | None = None
         try:
             for frame in self._decoded_frames():
                 index = self._decoded
                 self._decoded += 1
                 time = frame.time if frame.time is not None else float(index / self.fps)
-                start_time = time if start_time is None else start_time
+                if self._start_time is None:
+                    self._start_time = time
                 if index >= start_frame:
-                    yield Frame(_upright_bgr(frame), index, time - start_time)
+                    yield Frame(_upright_bgr(frame), index, time - self._start_time)
         except FFmpegError as error:
             raise SourceError(self._why_broken(error)) from error
 

@@ -2,8 +2,10 @@
 
 import os
 import signal
+from dataclasses import replace
 from pathlib import Path
 
+import av
 import cv2
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from re3.apps.server.limits import Limits, OverLimitError
 from re3.apps.server.remote_video import DecoderError, RemoteVideo
 from re3.apps.server.sniffing import kind_of
 from re3.video import SourceError, VideoWriter, open_source
+from re3.video.seeking import SeekableSource
 
 CLIP = Path(__file__).parents[3] / "examples" / "clips" / "person.mp4"
 
@@ -42,15 +45,61 @@ def test_frames_are_those_of_the_command_line_in_any_order(remote):
         np.testing.assert_array_equal(frame.image, frames[index].image)
 
 
-def test_going_back_beyond_the_cache_gives_the_same_frames(tmp_path):
-    write_clip(tmp_path / "c.mp4", 60)
+def noisy_frames(count):
+    rng = np.random.default_rng(1)
+    image = rng.integers(0, 255, (48, 64, 3), np.uint8)
+    return [np.roll(image, index, axis=1) for index in range(count)]
+
+
+def write_with_b_frames(path, count, **options):
+    """Keyframes every 12 frames, frames that refer to later ones, open GOPs if asked for."""
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("libx264", 25, options={"g": "12", "bf": "3", **options})
+        stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p"
+        for image in noisy_frames(count):
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(image, "bgr24")))
+        container.mux(stream.encode())
+
+
+def small_cache(path):
     decoder = Decoder(Limits(), cache_bytes=4 * 64 * 48 * 3)
-    decoder.open(tmp_path / "c.mp4")
-    frames = [decoder.read(index).image for index in range(60)]
-    assert decoder.read(60) is None
-    assert decoder.end == 60
-    for index in (59, 40, 39, 3, 0, 20):
+    decoder.open(path)
+    return decoder
+
+
+@pytest.mark.parametrize("name", ["c.mp4", "c.mkv", "c.avi", "c.ts"])
+@pytest.mark.parametrize("gop", ["closed", "open"])
+def test_going_back_beyond_the_cache_gives_the_same_frames(tmp_path, name, gop):
+    options = {"x264-params": "open-gop=1"} if gop == "open" else {}
+    write_with_b_frames(tmp_path / name, 70, **options)
+    with open_source(tmp_path / name) as source:
+        frames = list(source)
+    decoder = small_cache(tmp_path / name)
+    for index in (0, 50, 20, 69, 3, 40, 41, 12, 66, 0, 24, 23):
+        frame = decoder.read(index)
+        np.testing.assert_array_equal(frame.image, frames[index].image)
+        assert (frame.index, frame.timestamp) == (index, frames[index].timestamp)
+    assert decoder.read(70) is None
+    assert decoder.end == 70
+    if name == "c.mp4":
+        assert decoder._by_keyframes
+
+
+def test_where_keyframes_lead_astray_the_file_is_decoded_from_its_beginning(tmp_path, monkeypatch):
+    write_with_b_frames(tmp_path / "c.mp4", 70)
+    decoder = small_cache(tmp_path / "c.mp4")
+    frames = [decoder.read(index).image for index in range(70)]
+    go_back = SeekableSource.go_back
+
+    def astray(self, index):
+        found = go_back(self, index)
+        self._frames = (replace(f, image=255 - f.image) for f in list(self._frames))
+        return found
+
+    monkeypatch.setattr(SeekableSource, "go_back", astray)
+    for index in (30, 5, 60):
         np.testing.assert_array_equal(decoder.read(index).image, frames[index])
+    assert not decoder._by_keyframes
 
 
 def test_the_end_is_told(remote, tmp_path):

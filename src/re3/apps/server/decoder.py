@@ -16,6 +16,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+import zlib
 from collections import OrderedDict
 from collections.abc import Iterator
 from contextlib import suppress
@@ -31,6 +32,7 @@ from re3.apps.server.wire import Head, read_message, write_message
 from re3.video import Frame, SourceError, VideoSource
 from re3.video.containers import ContainerSource
 from re3.video.images import ImageSource, read_image, sorted_images
+from re3.video.seeking import SeekableSource
 
 MEMORY_LIMIT = 4 << 30
 """Bytes of address space the process may take, where the system can limit it."""
@@ -41,14 +43,18 @@ CACHE_BYTES = 192 << 20
 FRAMES_BEFORE = 16
 """Read as well when going back, as who steps back once does so again."""
 
+PRINT_ROWS = 16
+"""Of so many rows of a frame one goes into its print."""
+
 Answer = tuple[Head, memoryview | bytes]
 
 
 class Decoder:
     """Frames of one video by index, with those read last kept.
 
-    Going back further than that decodes from the beginning: an index means the same frame as in
-    `re3 track`, whatever the file's own index says.
+    Going back further than that goes by keyframes. An index means the same frame as in `re3 track`,
+    whatever the file's own index says: frames that come a second time are compared with what they
+    were, and where one differs the file is decoded from its beginning instead.
 
     Args:
         limits: of the server.
@@ -66,6 +72,8 @@ class Decoder:
         self._end: int | None = None
         self._broken: SourceError | None = None
         self._cache: OrderedDict[int, Frame] = OrderedDict()
+        self._prints: list[int] = []
+        self._by_keyframes = True
 
     def open(self, path: Path, pictures: bool = False) -> Head:
         """Begin with a video, or with a folder of pictures that may still grow.
@@ -105,7 +113,7 @@ class Decoder:
         if self._images is not None:
             return self._read_picture(index)
         if index < self._next:
-            self._reopened(max(0, index - FRAMES_BEFORE))
+            self._go_back(max(0, index - FRAMES_BEFORE))
         if self._broken is not None:
             raise self._broken
         while self._end is None or index < self._end:
@@ -113,6 +121,10 @@ class Decoder:
             if frame is None:
                 self._end = self._next
                 break
+            if not self._is_the_same(frame):
+                self._by_keyframes = False
+                self._go_back(max(0, frame.index - FRAMES_BEFORE))
+                continue
             self._next = frame.index + 1
             if self._kept(frame).index == index:
                 return frame
@@ -164,6 +176,26 @@ class Decoder:
             if container.duration is not None:
                 self._limits.check_duration(container.duration / av.time_base)
 
+    def _go_back(self, index: int) -> None:
+        source = self._source
+        if self._by_keyframes and isinstance(source, SeekableSource):
+            try:
+                if source.go_back(index):
+                    self._frames, self._next, self._broken = iter(source), index, None
+                    return
+            except SourceError:
+                pass  # as good as not being able to
+        self._by_keyframes = False
+        self._reopened(index)
+
+    def _is_the_same(self, frame: Frame) -> bool:
+        """Whether the frame is as it was the first time; true of one that is new."""
+        rows = np.ascontiguousarray(frame.image[::PRINT_ROWS])
+        found = zlib.crc32(rows.data.cast("B"))
+        if frame.index == len(self._prints):
+            self._prints.append(found)
+        return not self._by_keyframes or self._prints[frame.index] == found
+
     def _reopened(self, start: int) -> VideoSource:
         if self._source is not None:
             self._source.close()
@@ -171,7 +203,8 @@ class Decoder:
         if kind_of_file(self._path) == PICTURE:
             source = ImageSource("the picture", [self._path], start)
         else:
-            source = ContainerSource(str(self._path), start)
+            path = str(self._path)
+            source = SeekableSource(path) if self._by_keyframes else ContainerSource(path, start)
         self._source, self._frames, self._next = source, iter(source), start
         self._broken = None
         return source

@@ -21,6 +21,9 @@ from re3.video import Frame, SourceError
 ANSWER_SECONDS = 120.0
 """A decoder that is silent for so long is killed."""
 
+HOP = 250
+"""Frames that are asked for at once, at most, on the way to a later one."""
+
 _ENVIRONMENT = {"OPENCV_IO_MAX_IMAGE_PIXELS": str(1 << 26), "OMP_NUM_THREADS": "1"}
 """OpenCV refuses pictures of more pixels by their header."""
 
@@ -51,6 +54,7 @@ class RemoteVideo:
         self._limits = limits
         self._answer_seconds = answer_seconds
         self._killed = self._closed = False
+        self._furthest = 0
         self._opening: Head | None = None
         self._unreadable: tuple[int, str] | None = None  # from which frame on, and why
         self._process = self._start()
@@ -83,10 +87,16 @@ class RemoteVideo:
         """
         if self._unreadable is not None and index >= self._unreadable[0]:
             raise DecoderError(self._unreadable[1])
+        # In hops, as each answer has to come in time.
+        for hop in range(self._furthest + HOP, index, HOP):
+            if "end" in self._ask_for_frame(hop)[0]:
+                break
+            self._furthest = hop
         said, pixels = self._ask_for_frame(index)
         if "end" in said:
             self.frame_count = said["end"]
             return None
+        self._furthest = max(self._furthest, index)
         image = np.frombuffer(pixels, np.uint8).reshape(said["shape"])
         return Frame(image, said["index"], said["timestamp"])
 
