@@ -56,7 +56,7 @@ def write(plain: Path, small: Path) -> None:
 
     network = build_untrained("re3")
     export_onnx(network, plain, half_weights=False)
-    export_onnx(network, small, change=quantize_products, weights_apart=True)
+    export_onnx(network, small, half_weights=False, change=quantize_products, weights_apart=True)
     for path in (plain, small):
         size = Entry(path.stem, True, str(path)).size_bytes
         print(f"{path.name}: {size / 1e6:.1f} MB")

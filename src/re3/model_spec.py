@@ -14,6 +14,11 @@ SPEC_KEY = "re3_spec"
 """Metadata key under which an exported file carries its `ModelSpec` as JSON."""
 
 
+DATA_SUFFIX = ".data"
+"""After the name of an exported .onnx file: that of the file with its weights, where they lie
+apart."""
+
+
 @dataclass(frozen=True)
 class CropSpec:
     """How a crop is cut.

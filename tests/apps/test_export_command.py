@@ -150,8 +150,8 @@ def test_8_bit_weights_are_tracked_with(tmp_path, monkeypatch):
     assert card["trained"] is False
     weights = sum(each.numel() for each in small.parameters())
     apart = tmp_path / "paper.onnx.data"
-    # The convolutions stay as they are, 2.3 million weights of 16 bits.
-    assert weights < apart.stat().st_size < 1.2 * weights
+    # The convolutions stay as they are, 2.3 million weights of 32 bits.
+    assert weights < apart.stat().st_size < weights + 3 * 2.6e6 + 1e5
     assert f"paper.onnx: {(apart.stat().st_size + path.stat().st_size) / 1e6:.1f} MB" in (
         result.output
     )

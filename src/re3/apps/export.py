@@ -12,6 +12,7 @@ import typer
 
 from re3.apps.console import failed, stderr
 from re3.exported.card import make_card
+from re3.model_spec import DATA_SUFFIX
 from re3.models import find_weights, list_models
 
 if TYPE_CHECKING:
@@ -118,10 +119,11 @@ def export(
         from re3.network.export_formats import export_openvino, export_torchscript
 
         if chosen is Format.ONNX:
+            # What is fp16 in the file is held twice for a while as it is loaded.
             export_onnx(
                 network,
                 out,
-                half_weights=half,
+                half_weights=half and change is None,
                 opset=opset,
                 change=change,
                 weights_apart=change is not None,
@@ -201,7 +203,7 @@ def _in_eight_bits(network: Re3Lite, clips: list[Path] | None) -> Re3Lite:
 
 def _stored(chosen: Format, products: bool, int8: bool, half: bool) -> str:
     if products:
-        return "8 bits in large products, which run on 8-bit integers; else as without"
+        return "8 bits in large products, which run on 8-bit integers; fp32 elsewhere"
     if int8:
         return "8 bits in convolutions and the fully connected layer, which run on 8-bit integers"
     if chosen is Format.TORCHSCRIPT or (chosen is Format.ONNX and not half):
@@ -215,5 +217,7 @@ def _copied(name: str, out: Path) -> Path:
 
 def _weights_beside(out: Path) -> list[Path]:
     """A second file with the weights: OpenVINO's, and that of large ONNX graphs."""
-    beside = out.with_suffix(".bin") if out.suffix == ".xml" else out.with_name(f"{out.name}.data")
+    beside = (
+        out.with_suffix(".bin") if out.suffix == ".xml" else out.with_name(out.name + DATA_SUFFIX)
+    )
     return [beside] if beside.is_file() else []

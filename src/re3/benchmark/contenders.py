@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,9 +13,10 @@ from numpy.typing import NDArray
 
 from re3.benchmark.footage import Box
 from re3.engine import find_file, load_engine
-from re3.engine.threads import usable_threads
+from re3.engine.threads import usable_cores, usable_threads
 from re3.evaluation.one_pass import close
 from re3.evaluation.peers import SequenceTracker, find_tracker
+from re3.model_spec import DATA_SUFFIX
 from re3.timed_tracker import TimedMultiTracker, TimeSpent, time_spent
 
 Frame = NDArray[np.uint8]
@@ -70,7 +70,7 @@ class Entry:
         """Of the model's files; 0 of a tracker without any."""
         if self.ours:
             file = find_file(self.model, self.engine)[0]
-            apart = file.with_name(f"{file.name}.data")  # large weights of an ONNX graph
+            apart = file.with_name(file.name + DATA_SUFFIX)  # large weights of an ONNX graph
             return sum(path.stat().st_size for path in (file, apart) if path.is_file())
         made_of = getattr(find_tracker(self.model, self.peer_files).factory, "args", ())
         return sum(file.stat().st_size for file in made_of if isinstance(file, Path))
@@ -91,11 +91,6 @@ def our_entries(
                     name += f" {number or usable_threads()}t"
                 entries.append(Entry(name, True, model, engine, number))
     return entries
-
-
-def cores() -> int:
-    """Logical cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class _Ours:
@@ -154,8 +149,8 @@ class _Peer:
 
 def _set_threads(entry: Entry) -> None:
     """Libraries whose number of threads is the whole process's, as this entry wants it."""
-    cv2.setNumThreads(entry.threads or cores())
+    cv2.setNumThreads(entry.threads or usable_cores())
     if entry.engine == "torch":
         import torch
 
-        torch.set_num_threads(entry.threads or cores())
+        torch.set_num_threads(entry.threads or usable_cores())

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from re3.engine.base import StepOutput
 from re3.engine.threads import usable_threads
-from re3.model_spec import SPEC_KEY, ModelSpec
+from re3.model_spec import DATA_SUFFIX, SPEC_KEY, ModelSpec
 
 
 class OnnxEngine:
@@ -33,6 +33,9 @@ class OnnxEngine:
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = threads or usable_threads()
         options.log_severity_level = 3  # errors only; warnings concern graph clean-up
+        if path.with_name(path.name + DATA_SUFFIX).is_file():
+            # Of a network whose weights lie apart memory counts: 7 MB less, and no slower.
+            options.enable_cpu_mem_arena = options.enable_mem_pattern = False
         try:
             self._session = onnxruntime.InferenceSession(
                 str(path), options, providers=["CPUExecutionProvider"]

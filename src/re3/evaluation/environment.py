@@ -13,6 +13,7 @@ import numpy as np
 import onnxruntime
 
 import re3
+from re3.engine.threads import usable_cores
 
 
 @dataclass(frozen=True)
@@ -63,13 +64,6 @@ def _cpu_name() -> str:
     except OSError:
         pass  # Not Linux.
     return platform.processor() or platform.machine() or "unknown"
-
-
-def usable_cores() -> int:
-    """Cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _load() -> float:

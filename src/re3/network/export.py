@@ -15,7 +15,7 @@ from onnx import TensorProto, helper, numpy_helper
 from onnx.reference import ReferenceEvaluator
 from torch import Tensor, nn
 
-from re3.model_spec import SPEC_KEY
+from re3.model_spec import DATA_SUFFIX, SPEC_KEY
 from re3.network.base import StepNetwork
 from re3.network.export_integers import store_integers
 from re3.network.local_response import plain_local_response
@@ -24,8 +24,6 @@ from re3.network.weights import HALF_SUFFIX, SCALE_SUFFIX
 OPSET = 17
 OPSETS = range(13, 21)
 """Versions of ONNX's operators that a graph can be written in."""
-
-DATA_SUFFIX = ".data"
 
 Change = Callable[[onnx.ModelProto], onnx.ModelProto]
 """What makes a graph into another one that computes (nearly) the same."""
@@ -99,6 +97,7 @@ def export_onnx(
             onnx.save_model(
                 model, partial, save_as_external_data=True, location=apart.name, size_threshold=4096
             )
+            apart.chmod(partial.stat().st_mode)  # it is for its owner alone at first
         else:
             partial.write_bytes(model.SerializeToString())
         partial.replace(path)
