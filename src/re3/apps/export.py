@@ -106,6 +106,8 @@ def export(
         from re3.network.quantize_products import quantize_products
         from re3.network.re3_lite import Re3Lite
 
+        if int8 and chosen is Format.TORCHSCRIPT:
+            raise ValueError("--int8 is of an ONNX graph; take --format onnx or openvino for it")
         change = None
         if int8 and isinstance(network, Re3Lite):
             network = _in_eight_bits(network, calibrate)
@@ -113,8 +115,6 @@ def export(
             change = quantize_products
         if calibrate and (change is not None or not int8):
             raise ValueError("--calibrate is for re3-lite with --int8; leave it out")
-        if change is not None and chosen is Format.TORCHSCRIPT:
-            raise ValueError("--int8 changes an ONNX graph; take --format onnx or openvino for it")
         from re3.network.export import export_onnx
         from re3.network.export_formats import export_openvino, export_torchscript
 
