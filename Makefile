@@ -2,6 +2,7 @@
 #   make demo   track the bundled clip
 #   make serve  the page: draw a box in the browser
 #   make test   run the tests
+# make docs builds the documentation into site/.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -18,7 +19,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 # `make serve SERVE="--port 9000"` hands options on.
 SERVE ?= --open
 
-.PHONY: demo serve test lint eval speed train clean
+.PHONY: demo serve test lint docs eval speed train clean
 
 demo: $(VENV)/.tracking
 	$(BIN)/python examples/demo.py
@@ -33,6 +34,9 @@ lint: $(VENV)/.development
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+docs: $(VENV)/.docs
+	$(BIN)/python tools/build_docs.py
 
 eval: $(VENV)/.report
 	$(BIN)/re3 eval $(SHARED_DATA)/val/davis $(SHARED_DATA)/val/segtrack $(SHARED_DATA)/test/otb \
@@ -66,12 +70,17 @@ $(VENV)/.report: pyproject.toml | $(BIN)/python
 	@$(PIP) install --editable '.[report]'
 	@touch $@ $(VENV)/.tracking
 
+$(VENV)/.docs: pyproject.toml | $(BIN)/python
+	@echo "installing what the documentation needs into $(VENV) ..."
+	@$(PIP) install --editable '.[docs]'
+	@touch $@ $(VENV)/.tracking
+
 $(VENV)/.development: pyproject.toml | $(VENV)/bin/python
 	@echo "installing what tests and training need into $(VENV) ..."
 	@$(PIP) install '$(TORCH)'
-	@$(PIP) install --editable '.[train,dev,report,serve,vot]'
+	@$(PIP) install --editable '.[train,dev,docs,report,serve,vot]'
 	@$(PIP) install --no-deps vot-toolkit==0.9.0  # by itself it would bring a second OpenCV
-	@touch $@ $(VENV)/.tracking $(VENV)/.report $(VENV)/.serve
+	@touch $@ $(VENV)/.tracking $(VENV)/.report $(VENV)/.docs $(VENV)/.serve
 
 clean:
-	rm -rf $(VENV) out build dist .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) out site build dist .cache .pytest_cache .mypy_cache .ruff_cache

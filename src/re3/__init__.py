@@ -7,9 +7,10 @@
 >>> result.box_xywh, result.score, result.status
 """
 
+from re3.interop import TrackerRe3
 from re3.result import Result, Status
 from re3.tracker import MultiTracker, Tracker
 
-__all__ = ["MultiTracker", "Result", "Status", "Tracker", "__version__"]
+__all__ = ["MultiTracker", "Result", "Status", "Tracker", "TrackerRe3", "__version__"]
 
 __version__ = "0.1.0"

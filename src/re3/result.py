@@ -17,7 +17,7 @@ class Status(str, Enum):
         return self.value
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Result:
     """One object in one frame.
 
@@ -29,8 +29,15 @@ class Result:
             where the box was given, and NaN of a model that has no score, such as the paper's.
         status: `TRACKED`, `UNCERTAIN` or `LOST`.
         frame_index: 0 for the frame of `init`, then one more for each `update`.
-        object_id: the id that `MultiTracker.add` returned; 0 for a single `Tracker`.
+        object_id: the id that `MultiTracker.add` returned; a `Tracker` counts its calls of `init`.
         name: the name given to the object, or None.
+
+    Examples:
+        >>> tracker.update(frame)
+        Result(box_xywh=(373.1, 50.0, 157.2, 375.1), score=0.90, status=TRACKED, frame_index=1,
+               object_id=1)
+        >>> print(tracker.update(frame))
+        object 1, frame 2: 154.3 x 379.6 at (377.6, 43.5), score 0.87, tracked
     """
 
     box_xywh: tuple[float, float, float, float]
@@ -44,3 +51,25 @@ class Result:
     def label(self) -> str:
         """The object's name, or its id where it has none."""
         return self.name if self.name is not None else str(self.object_id)
+
+    def __repr__(self) -> str:
+        """All fields, rounded for reading; those left at their default are left out."""
+        box = ", ".join(f"{value:.1f}" for value in self.box_xywh)
+        text = (
+            f"box_xywh=({box}), score={self.score:.2f}, status={self.status.name}, "
+            f"frame_index={self.frame_index}"
+        )
+        if self.object_id:
+            text += f", object_id={self.object_id}"
+        if self.name is not None:
+            text += f", name={self.name!r}"
+        return f"Result({text})"
+
+    def __str__(self) -> str:
+        """One line for people."""
+        x, y, w, h = self.box_xywh
+        who = f"object {self.object_id}" if self.name is None else self.name
+        return (
+            f"{who}, frame {self.frame_index}: {w:.1f} x {h:.1f} at ({x:.1f}, {y:.1f}), "
+            f"score {self.score:.2f}, {self.status}"
+        )

@@ -376,10 +376,11 @@ class MultiTracker:
 class Tracker:
     """Tracks one object; see `MultiTracker` for frames, boxes and arguments.
 
-    >>> tracker = Tracker()
-    >>> tracker.init(frame, (x, y, w, h))
-    >>> result = tracker.update(next_frame)
-    >>> result.box_xywh, result.score, result.status
+    Examples:
+        >>> tracker = Tracker()
+        >>> tracker.init(frame, (x, y, w, h))
+        >>> result = tracker.update(next_frame)
+        >>> result.box_xywh, result.score, result.status
     """
 
     def __init__(

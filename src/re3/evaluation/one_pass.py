@@ -121,7 +121,7 @@ def run_one_pass(
     Raises:
         ValueError: the sequence has no annotated frame.
         UnreadableFrames: its frames cannot be read; a ValueError too.
-        Whatever the factory raises.
+        Exception: whatever the factory raises.
     """
     first = first_annotated(sequence)
     log = FrameLog(len(sequence), on_frame=on_frame) if log is None else log
