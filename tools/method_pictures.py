@@ -164,7 +164,7 @@ def scores(clips: Path) -> Figure:
         labels = {
             "spread": "person: the box spreads to the table",
             "left": "car: drives out of the frame",
-            "look-alike": "bottle: taken away, another taken for it",
+            "look-alike": "bottle: taken away and put back",
         }
         for (name, label), colour in zip(labels.items(), PALETTE, strict=False):
             strip = STRIPS[name]

@@ -252,5 +252,5 @@ def test_re3_lite_in_eight_bits_is_calibrated_on_clips(tmp_path):
 
 def test_clips_to_calibrate_on_are_for_re3_lite_alone(tmp_path):
     result = export("re3", tmp_path / "a.onnx", "--int8", "--untrained", "--calibrate", tmp_path)
-    assert result.exit_code == 1
+    assert result.exit_code == 2
     assert "--calibrate is for re3-lite with --int8" in " ".join(result.output.split())
