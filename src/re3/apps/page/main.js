@@ -28,7 +28,7 @@ async function main() {
   const about = await request("GET", "/api/about");
   const work = new WorkScreen(about, banner);
   window.re3 = work; // for tests, and for the curious
-  const start = new StartScreen(about, {
+  new StartScreen(about, {
     begin: (session, camera) => (work.stream ? location.assign(`/s/${session.id}`)
       : show(session, camera, work)),
     problem: banner,
@@ -43,7 +43,6 @@ async function main() {
       banner(error.message);
     }
   }
-  start.ready = true;
 }
 
 main().catch((error) => banner(error.message));

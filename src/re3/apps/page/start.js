@@ -20,6 +20,7 @@ export class StartScreen {
     $("choose").addEventListener("click", () => $("file").click());
     $("file").addEventListener("change", () => this.fromFile($("file").files[0]));
     $("camera").addEventListener("click", () => this.fromCamera());
+    for (const id of ["sample", "choose", "camera"]) $(id).disabled = false;
     addEventListener("dragover", (event) => {
       if (!event.dataTransfer.types.includes("Files")) return;
       event.preventDefault();

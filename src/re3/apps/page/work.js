@@ -7,6 +7,9 @@ import { ObjectList } from "./objects.js";
 import { Stage } from "./stage.js";
 
 const $ = (id) => document.getElementById(id);
+// What to do, for those with a keyboard and for those without.
+const TOUCH = matchMedia("(hover: none) and (pointer: coarse)");
+const press = (button) => (TOUCH.matches ? `Tap ${button}` : "Press Space");
 const WHY_GONE = {
   expired: "This session has ended: nobody has used it for too long.",
   ended: "This session has been ended.",
@@ -70,10 +73,10 @@ export class WorkScreen {
       $("exports").append(item);
     }
     document.addEventListener("keydown", (event) => this.key(event));
-    // After a click the keys are for the video again, not for the button clicked.
-    for (const id of ["play", "back", "forward"]) {
-      $(id).addEventListener("click", (event) => event.detail && $("stage").focus({ preventScroll: true }));
-    }
+    // After a click with the mouse the keys are for the video again, not for the button clicked.
+    $("work").addEventListener("click", (event) => {
+      if (event.detail && event.target.closest("button, a")) $("stage").focus({ preventScroll: true });
+    });
   }
 
   open(session, camera) {
@@ -166,6 +169,7 @@ export class WorkScreen {
   figures(head) {
     const { model, times } = this;
     const count = model.live ? "" : ` / ${model.frameCount - 1}`;
+    $("back").disabled = model.position === 0;
     $("counter").textContent = `${model.shown}${count}`;
     if (head.tracking_fps) $("tracking-fps").textContent = `${head.tracking_fps.toFixed(0)} FPS`;
     const ms = head.latency ?? head.tracking_ms;
@@ -208,7 +212,7 @@ export class WorkScreen {
     const { ready, playing, source } = model.session;
     const tracked = model.objects.length > 0;
     const running = playing || Boolean(this.camera?.running);
-    $("play").textContent = running ? "Pause" : this.camera ? "Go on" : tracked ? "Track" : "Play";
+    $("play").textContent = this.playLabel(running, tracked);
     $("play").disabled = !ready && !this.camera;
     $("back").disabled = !ready || model.position === 0;
     $("forward").disabled = !ready;
@@ -224,6 +228,14 @@ export class WorkScreen {
       link.toggleAttribute("aria-disabled", false);
       if (!tracked) link.setAttribute("aria-disabled", "true");
     }
+  }
+
+  playLabel(running, tracked) {
+    const { session, position } = this.model;
+    if (running) return "Pause";
+    if (this.camera) return "Go on";
+    if (session.ended) return "Play again";
+    return tracked && position >= session.tracked_until ? "Track" : "Play";
   }
 
   updateHint() {
@@ -246,13 +258,12 @@ export class WorkScreen {
     }
     if (session.source === "select") return "Draw more boxes, or press Enter to track in the terminal.";
     if (session.broken && session.ended) return `The video ends here: ${session.broken}`;
-    if (session.playing || this.camera?.running) return "Tracking. Space pauses.";
+    if (session.playing || this.camera?.running) return `Tracking. ${press("Pause")} to pause.`;
     if (session.ended) return "The end of the video. Download the boxes, or go back and correct them.";
-    if (this.camera) return "Paused. Drag a box to correct it, or press Space to go on.";
-    if (model.position === session.start && session.tracked_until === session.start) {
-      return "Press Space to track. Or draw more boxes.";
+    if (!this.camera && model.position === session.start && session.tracked_until === session.start) {
+      return `${press("Track")} to track. Or draw more boxes.`;
     }
-    return "Paused. Drag a box to correct it, or press Space to go on.";
+    return `Paused. Drag a box to correct it. ${press($("play").textContent)} to go on.`;
   }
 
   /** For a moment, in place of the hint; screen readers read it as well. */
@@ -276,6 +287,8 @@ export class WorkScreen {
 
   play() {
     this.model.redrawing = null;
+    const { ended, start } = this.model.session;
+    if (ended) this.command({ do: "seek", frame: start ?? 0 });
     this.command({ do: "play", speed: Number($("speed").value) });
   }
 
@@ -394,8 +407,8 @@ export class WorkScreen {
     const select = this.model.session.source === "select";
     const acts = {
       " ": () => !control && !select && this.toggle(),
-      ArrowLeft: () => !control && !select && this.step(-1),
-      ArrowRight: () => !control && !select && this.step(1),
+      ArrowLeft: () => !select && this.step(-1),
+      ArrowRight: () => !select && this.step(1),
       Enter: () => {
         if (control) return false;
         if (select && this.model.objects.length && this.model.redrawing === null) return this.handOver();

@@ -24,10 +24,10 @@ from re3.engine import load_engine
 PAGE = Path(__file__).parents[1] / "page"
 
 DESCRIPTION = """Track objects in a video: create a session, upload the video, give an object's box
-in the first frame, track, get the boxes. `examples/client.py` does so in 20 lines.
+in the first frame, track, get the boxes. examples/client.py does so in 20 lines.
 
-A session's WebSocket, `/api/sessions/{session_id}/stream`, tells of every frame as it is tracked
-and takes frames of a camera; see `docs/serve.md`."""
+A session's WebSocket, /api/sessions/{session_id}/stream, tells of every frame as it is tracked
+and takes frames of a camera; see docs/serve.md."""
 
 OVER_LIMIT = {"sessions": 429, "objects": 409}
 """HTTP status by kind of limit; of the others 413."""
