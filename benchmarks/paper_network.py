@@ -19,8 +19,12 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from re3.benchmark.footage import Footage
 
 ROOT = Path(__file__).parents[1]
 CLIP, CLIP_BOX = ROOT / "examples" / "clips" / "person.mp4", (368.0, 58.0, 158.0, 374.0)
@@ -48,18 +52,39 @@ def main() -> None:
 
 
 def write(plain: Path, small: Path) -> None:
-    """The same network in fp32 and with 8-bit weights."""
+    """The same network in fp32 and with 8-bit weights; ranges of its maps are seen on every tenth
+    of the frames that boxes are compared on."""
     from re3.benchmark.contenders import Entry
+    from re3.evaluation.still_steps import still_steps
     from re3.network.export import export_onnx
     from re3.network.quantize_products import quantize_products
+    from re3.network.quantize_trunk import quantize_trunk
     from re3.network.untrained import build_untrained
 
     network = build_untrained("re3")
+    steps = [
+        step
+        for footage in footages()
+        for step in still_steps(network.spec(), footage.frames[::10], footage.box_xywh)
+    ]
     export_onnx(network, plain, half_weights=False)
-    export_onnx(network, small, half_weights=False, change=quantize_products, weights_apart=True)
+    export_onnx(
+        network,
+        small,
+        half_weights=False,
+        change=lambda model: quantize_trunk(quantize_products(model), steps),
+        weights_apart=True,
+    )
     for path in (plain, small):
         size = Entry(path.stem, True, str(path)).size_bytes
         print(f"{path.name}: {size / 1e6:.1f} MB")
+
+
+def footages() -> list[Footage]:
+    """Made frames, and the bundled clip."""
+    from re3.benchmark.footage import made_footage, read_footage
+
+    return [made_footage(FRAMES + 1), read_footage(str(CLIP), CLIP_BOX, FRAMES + 1, None)]
 
 
 def print_speed(plain: Path, small: Path, rounds: int) -> None:
@@ -103,11 +128,7 @@ def print_memory(small: Path) -> None:
 
 def print_boxes(plain: Path, small: Path) -> None:
     """Largest and mean difference of a box's side over the frames."""
-    from re3.benchmark.footage import made_footage, read_footage
-
-    made = made_footage(FRAMES + 1)
-    clip = read_footage(str(CLIP), CLIP_BOX, FRAMES + 1, None)
-    for footage in (made, clip):
+    for footage in footages():
         differences, moved = compare(plain, small, footage.frames, footage.box_xywh)
         width, height = footage.box_xywh[2:]
         print(

@@ -20,8 +20,8 @@ from re3.search import places
 UNCERTAIN_BELOW = 0.5
 LOST_BELOW = 0.35
 """Thresholds of the score, from `benchmarks/score.py` on val (33 clips, 2,328 boxes): below .5 were
-56 % of the failures (overlap under .2) and 7.6 % of the good boxes (overlap of .5 or more); below
-.35 10 % of the failures and 0.5 % of the good boxes, and in 4 of 6 losses a box within ten frames.
+54 % of the failures (overlap under .2) and 5.9 % of the good boxes (overlap of .5 or more); below
+.35 12 % of the failures and 0.6 % of the good boxes, and in 1 of 5 losses a box within ten frames.
 A box that is not called lost may well be."""
 
 SEARCH_BELOW = 0.45

@@ -11,8 +11,10 @@ import re3
 from re3.benchmark.footage import made_footage
 from re3.engine import load_engine, zero_state
 from re3.engine.torch_engine import TorchEngine
+from re3.evaluation.still_steps import still_steps
 from re3.network.export import export_onnx
 from re3.network.quantize_products import REACH, quantize, quantize_products
+from re3.network.quantize_trunk import quantize_trunk
 from re3.network.re3 import Re3, Re3Config
 from re3.network.re3_lite import LiteConfig, Re3Lite
 from re3.network.untrained import _calm, build_untrained
@@ -108,3 +110,27 @@ def test_the_untrained_object_stays_about_where_it_is(small, tmp_path):
     boxes = [tracker.update(frame).box_xywh for frame in made.frames[1:]]
     overlaps = re3.geometry.iou_xywh(boxes, made.box_xywh)
     assert overlaps[0] > 0.5
+
+
+def test_a_trunk_of_8_bits_finds_nearly_the_same_corners(small, tmp_path):
+    spec, made = small.spec(), made_footage(30)
+    steps = still_steps(spec, made.frames, made.box_xywh)
+    assert len(steps) == 29
+    path = exported(
+        small,
+        tmp_path / "int8.onnx",
+        change=lambda model: quantize_trunk(quantize_products(model), steps[::2]),
+    )
+    graph = onnx.load(str(path)).graph
+    # Each of two passes of the trunk has four convolutions with more inputs than colours.
+    rounded = {node.output[0] for node in graph.node if node.op_type == "DequantizeLinear"}
+    kinds = [node for node in graph.node if node.op_type == "Conv" and node.input[0] in rounded]
+    assert len(kinds) == 2 * 4
+    engines = [TorchEngine(small), load_engine(path)]
+    for step in steps[1:8:2]:
+        state = {name: step[name] for name in spec.state}
+        crops = step["previous_crops"], step["current_crops"]
+        a, b = (engine.step(*crops, state).corners for engine in engines)
+        np.testing.assert_allclose(a, b, atol=0.03)
+    with pytest.raises(ValueError, match="2 steps to find the ranges of maps from; expected 10"):
+        quantize_trunk(onnx.load(str(path)), steps[:2])

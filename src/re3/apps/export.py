@@ -11,13 +11,18 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from re3.apps.console import failed, stderr
+from re3.benchmark.footage import made_footage
+from re3.evaluation.still_steps import still_steps
 from re3.exported.card import make_card
 from re3.model_spec import DATA_SUFFIX
 from re3.models import find_weights, list_models
 
 if TYPE_CHECKING:
+    from re3.network.export import Change
     from re3.network.re3_lite import Re3Lite
     from re3.network.variants import Network
+
+CALIBRATION_FRAMES = 30
 
 EXAMPLES = Path(__file__).parents[1] / "exported"
 
@@ -103,7 +108,6 @@ def export(
     try:
         chosen = _format(out, format_)
         network = _network(weights, untrained)
-        from re3.network.quantize_products import quantize_products
         from re3.network.re3_lite import Re3Lite
 
         if int8 and chosen is Format.TORCHSCRIPT:
@@ -112,7 +116,7 @@ def export(
         if int8 and isinstance(network, Re3Lite):
             network = _in_eight_bits(network, calibrate)
         elif int8:
-            change = quantize_products
+            change = _to_8_bits(network, untrained)
         if calibrate and (change is not None or not int8):
             raise ValueError("--calibrate is for re3-lite with --int8; leave it out")
         from re3.network.export import export_onnx
@@ -191,14 +195,29 @@ def _network(weights: str, untrained: bool) -> Network:
 
 def _in_eight_bits(network: Re3Lite, clips: list[Path] | None) -> Re3Lite:
     from re3.apps.calibration import recorded_steps
-    from re3.network.quantise import quantise
+    from re3.network.quantize import quantize
 
     if not clips:
         raise ValueError(
             "--int8 of re3-lite needs the ranges of its values; give a folder of annotated clips "
             "with --calibrate"
         )
-    return quantise(network, recorded_steps(network, clips))
+    return quantize(network, recorded_steps(network, clips))
+
+
+def _to_8_bits(network: Network, untrained: bool) -> Change:
+    """What makes the graph of a network one of 8 bits.
+
+    Ranges of the trunk's maps have to be seen: where weights are random, made frames serve.
+    """
+    from re3.network.quantize_products import quantize_products
+    from re3.network.quantize_trunk import quantize_trunk
+
+    if not untrained:
+        return quantize_products
+    footage = made_footage(CALIBRATION_FRAMES)
+    steps = still_steps(network.spec(), footage.frames, footage.box_xywh)
+    return lambda model: quantize_trunk(quantize_products(model), steps)
 
 
 def _stored(chosen: Format, products: bool, int8: bool, half: bool) -> str:

@@ -77,7 +77,7 @@ def track_video(
 ) -> Tracked:
     """Track objects from the source's first frame on, writing as it goes.
 
-    Frames of a file are read ahead, and those of the video drawn and encoded behind, in threads.
+    Frames of a file are read ahead, and those of the video encoded behind, in threads.
     Ctrl-C and a source that breaks end the run; what was tracked until then stays written.
 
     Args:
@@ -101,14 +101,15 @@ def track_video(
             # What is live is taken as it comes: frames read ahead would be old ones.
             if source.frame_count is not None:
                 frames = stack.enter_context(ReadAhead(source))
-            drawn = None if video is None else stack.enter_context(WriteBehind(_drawer(video)))
+            encoder = None if video is None else stack.enter_context(WriteBehind(video.write))
             for frame in frames:
                 _follow(tracker, frame, objects, outcome)
                 found = list(outcome.last.values())
                 if results is not None:
                     results.write(frame.index, frame.timestamp, found)
-                if drawn is not None:
-                    drawn.put((frame.image, found))
+                if encoder is not None:
+                    # Drawn here: encoding takes longer than all that goes before it.
+                    encoder.put(draw_results(frame.image, found))
                 outcome.frames += 1
                 if on_frame is not None:
                     on_frame(frame, outcome)
@@ -149,12 +150,3 @@ def _follow(
         outcome.network_seconds += network_seconds
         outcome.updates += 1
     outcome.statuses.update(str(r.status) for r in outcome.last.values())
-
-
-def _drawer(video: VideoWriter) -> Callable[[tuple[NDArray[np.uint8], list[Result]]], None]:
-    """What draws the results of a frame and encodes it."""
-
-    def draw(item: tuple[NDArray[np.uint8], list[Result]]) -> None:
-        video.write(draw_results(*item))
-
-    return draw

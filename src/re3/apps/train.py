@@ -153,7 +153,7 @@ def train(
 
         from re3.apps.run_folder import note_start
         from re3.apps.validation import Validation
-        from re3.network.quantise import is_quantised
+        from re3.network.quantize import is_quantised
         from re3.network.variants import build, trainable
         from re3.network.weights import load_network
         from re3.training.device import Device

@@ -7,7 +7,7 @@ import onnx
 from onnx import helper, numpy_helper
 from torch import nn
 
-from re3.network.quantise import Quantised
+from re3.network.quantize import Quantised
 from re3.network.weights import INTEGER_SUFFIX, SCALE_SUFFIX, ZERO_SUFFIX
 
 

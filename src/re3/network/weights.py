@@ -12,7 +12,7 @@ from torch import Tensor
 
 from re3.model_spec import SPEC_KEY, ModelSpec
 from re3.network.base import StepNetwork
-from re3.network.quantise import with_quantised_layers
+from re3.network.quantize import with_quantised_layers
 from re3.network.re3_lite import Re3Lite
 from re3.network.variants import VARIANTS, Network, build
 

@@ -134,7 +134,7 @@ def _suits(layer: nn.Conv2d | nn.Linear) -> bool:
     return layer.weight.numel() >= LARGE
 
 
-def quantise(network: Re3Lite, steps: Iterable[tuple[Tensor, LiteState]]) -> Re3Lite:
+def quantize(network: Re3Lite, steps: Iterable[tuple[Tensor, LiteState]]) -> Re3Lite:
     """A network in eight bits.
 
     Args:

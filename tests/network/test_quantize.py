@@ -8,11 +8,11 @@ torch = pytest.importorskip("torch", reason="quantisation needs torch")
 
 from re3.engine import load_engine, zero_state  # noqa: E402
 from re3.network.export import export_onnx  # noqa: E402
-from re3.network.quantise import (  # noqa: E402
+from re3.network.quantize import (  # noqa: E402
     Levels,
     Quantised,
     is_quantised,
-    quantise,
+    quantize,
 )
 from re3.network.re3_lite import LiteConfig, Re3Lite  # noqa: E402
 from re3.network.weights import load_network  # noqa: E402
@@ -33,7 +33,7 @@ def _steps(network, count=3):
 def pair():
     torch.manual_seed(0)
     network = Re3Lite(TINY).eval()
-    return network, quantise(network, _steps(network))
+    return network, quantize(network, _steps(network))
 
 
 @pytest.mark.parametrize(
@@ -124,6 +124,6 @@ def test_the_shipped_file_loads_into_torch_with_its_levels(tmp_path):
 def test_only_full_precision_can_be_quantised(pair):
     network, quantised = pair
     with pytest.raises(ValueError, match="quantised already"):
-        quantise(quantised, _steps(network))
+        quantize(quantised, _steps(network))
     with pytest.raises(ValueError, match="no recorded steps"):
-        quantise(network, [])
+        quantize(network, [])
