@@ -118,7 +118,7 @@ class Learner:
             rows = rollout.rows(own)
             with torch.no_grad():
                 losses = tracking_loss(
-                    Prediction(*(None if v is None else v[rows].detach().cpu() for v in output)),
+                    output.of(rows),
                     rollout.targets[rows],
                     rollout.has_box[rows],
                     rollout.hidden[rows],
