@@ -279,6 +279,8 @@ def test_a_finger_on_a_phone(new_page):
     page.locator("#play").tap()
     until(page, "re3.model.shown > 2")
     assert page.evaluate("document.documentElement.scrollWidth") == 390
+    assert page.locator("#add").is_hidden()  # there are no keys
+    expect(page.locator("#hint")).to_contain_text("Tap")
 
 
 def test_a_webcam_is_tracked_end_to_end(new_page):
