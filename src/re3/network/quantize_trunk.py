@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -61,19 +63,31 @@ def quantize_trunk(model: onnx.ModelProto, steps: Sequence[Feeds]) -> onnx.Model
     with TemporaryDirectory() as folder:
         before, after = str(Path(folder) / "before.onnx"), str(Path(folder) / "after.onnx")
         onnx.save(model, before)
-        quantize_static(
-            before,
-            after,
-            _Recorded(steps),
-            quant_format=QuantFormat.QDQ,
-            nodes_to_quantize=chosen,
-            op_types_to_quantize=["Conv"],
-            per_channel=True,
-            activation_type=QuantType.QUInt8,
-            weight_type=QuantType.QInt8,
-            calibrate_method=CalibrationMethod.MinMax,
-        )
+        with _no_advice():
+            quantize_static(
+                before,
+                after,
+                _Recorded(steps),
+                quant_format=QuantFormat.QDQ,
+                nodes_to_quantize=chosen,
+                op_types_to_quantize=["Conv"],
+                per_channel=True,
+                activation_type=QuantType.QUInt8,
+                weight_type=QuantType.QInt8,
+                calibrate_method=CalibrationMethod.MinMax,
+            )
         return onnx.load(after)
+
+
+@contextmanager
+def _no_advice() -> Iterator[None]:
+    """ONNX Runtime advises to prepare graphs first, which this one does not need."""
+    level = logging.root.manager.disable
+    logging.disable(logging.WARNING)
+    try:
+        yield
+    finally:
+        logging.disable(level)
 
 
 def _pays(kernel: tuple[int, ...] | None) -> bool:
