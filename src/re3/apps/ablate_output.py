@@ -7,7 +7,7 @@ import shlex
 import sys
 import tempfile
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,7 @@ from re3.apps.ablate_study import Study
 from re3.engine import load_engine, zero_state
 from re3.evaluation.ablation import ablation
 from re3.evaluation.environment import Environment
+from re3.evaluation.markdown import markdown_table
 from re3.evaluation.one_pass import frames_per_second
 from re3.evaluation.protocols import find_protocol
 from re3.evaluation.result_files import write_whole
@@ -98,20 +99,37 @@ def show_report(report: StudyReport) -> None:
         )
 
 
-def show_sizes(scale: Scale, chosen: list[Variant], threads: int | None = None) -> None:
+def show_sizes(
+    scale: Scale, chosen: list[Variant], threads: int | None = None, *, markdown: bool = False
+) -> None:
     """Print what the variants are, and what a step of one object costs.
 
     Args:
         scale: of the networks.
         chosen: variants.
         threads: to time steps with; None does not time any.
+        markdown: print a table for a document, which says on what machine steps were timed.
     """
-    headings = ("parameters", "GFLOP a step", *([] if threads is None else ["steps a second"]))
-    table = _table(
-        f"Table I at scale {scale.name}",
-        ["", "network and training", "convolutions", "own", "simulated", "large", "other", "reset"],
-        headings,
-    )
+    names = ["", "network and training", "convolutions"]
+    names += ["own", "simulated", "large", "other", "reset"]
+    figures = ("parameters", "GFLOP a step", *([] if threads is None else ["steps a second"]))
+    rows = _size_rows(scale, chosen, threads)
+    if not markdown:
+        table = _table(f"Table I at scale {scale.name}", names, figures)
+        for row in rows:
+            table.add_row(*map(escape, row))
+        Console(width=None if sys.stdout.isatty() else 160).print(table)
+        return
+    lines = markdown_table([*names, *figures], rows, len(names))
+    if threads is not None:
+        here = Environment.here()
+        lines += ["", f"{here.cpu}, {threads} threads, load {here.load:.1f}, {here.date}"]
+    Console(soft_wrap=True, highlight=False).print("\n".join(lines), markup=False)
+
+
+def _size_rows(scale: Scale, chosen: list[Variant], threads: int | None) -> list[list[str]]:
+    timed: dict[Config, float] = {}
+    rows = []
     for variant in chosen:
         config = scale.config(variant)
         costs = cost(config)
@@ -122,16 +140,17 @@ def show_sizes(scale: Scale, chosen: list[Variant], threads: int | None = None) 
             variant.other_source,
             config.reset_interval > 0,
         )
-        table.add_row(
-            variant.letter,
-            escape(variant.about),
-            config.trunk,
-            *("yes" if one else "no" for one in said),
-            f"{costs.parameters:,}",
-            f"{costs.flops / 1e9:.2f}",
-            *([] if threads is None else [f"{steps_per_second(config, threads):.1f}"]),
-        )
-    Console(width=None if sys.stdout.isatty() else 160).print(table)
+        row = [variant.letter, variant.about, config.trunk]
+        row += ["yes" if one else "no" for one in said]
+        row += [f"{costs.parameters:,}", f"{costs.flops / 1e9:.2f}"]
+        if threads is not None:
+            # Variants that differ in training or in the reset alone are one network.
+            network = replace(config, name="re3", reset_interval=0)
+            if network not in timed:
+                timed[network] = steps_per_second(network, threads)
+            row.append(f"{timed[network]:.1f}")
+        rows.append(row)
+    return rows
 
 
 def steps_per_second(config: Config, threads: int) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from re3.evaluation.markdown import markdown_table
 from re3.evaluation.report_tables import (
     TextTable,
     occlusion_tables,
@@ -49,7 +50,4 @@ def to_markdown(run: Run) -> str:
 
 
 def _table(table: TextTable) -> list[str]:
-    marks = ["---", *["---:"] * (len(table.header) - 1)]
-    body = [[cell.text for cell in row] for row in table.rows]
-    header, *rows = ([text.replace("|", "\\|") for text in row] for row in (table.header, *body))
-    return ["| " + " | ".join(row) + " |" for row in (header, marks, *rows)]
+    return markdown_table(table.header, [[cell.text for cell in row] for row in table.rows])

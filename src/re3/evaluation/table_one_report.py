@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from collections.abc import Sequence as Several
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from re3.evaluation.ablation import Ablation
 from re3.evaluation.environment import Environment
+from re3.evaluation.markdown import markdown_table
 from re3.evaluation.table_one import PAPER, PaperFigures, Verdict
 
 
@@ -104,7 +104,7 @@ def report_markdown(report: StudyReport) -> str:
         "on other clips and another machine: only differences between rows can be compared.",
         "",
     ]
-    lines += _table(
+    lines += markdown_table(
         ["", "network and training", "FPS", *_HEADINGS]
         + ["paper: FPS", *(f"VOT 2014 {h}" for h in _HEADINGS)]
         + [f"Imagenet Video {h}" for h in _HEADINGS],
@@ -116,7 +116,7 @@ def report_markdown(report: StudyReport) -> str:
     lines += ["", "## Which of the paper's conclusions hold", ""]
     lines += _verdicts(report.verdicts)
     lines += ["", "## Sizes and training", ""]
-    lines += _table(
+    lines += markdown_table(
         _TRAINING_HEADINGS,
         [_training_row(row) for row in report.rows],
         left=1,
@@ -177,7 +177,7 @@ def _verdicts(verdicts: Several[Verdict]) -> list[str]:
         for claims in [[v.conclusion.claim for v in verdicts if v.judgement == judgement]]
     ]
     return [
-        *_table([*header, "paper: VOT 2014", "Imagenet Video"], rows, left=3),
+        *markdown_table([*header, "paper: VOT 2014", "Imagenet Video"], rows, left=3),
         "",
         *said,
         "",
@@ -201,12 +201,6 @@ def _training_row(row: Row) -> list[str]:
         f"{training['last_overlap']:.3f}",
         "; ".join(shares),
     ]
-
-
-def _table(header: Iterable[str], rows: list[list[str]], left: int) -> list[str]:
-    header = list(header)
-    marks = ["---" if index < left else "---:" for index in range(len(header))]
-    return ["| " + " | ".join(row) + " |" for row in (header, marks, *rows)]
 
 
 def _said(value: Any) -> str:

@@ -42,14 +42,6 @@ class Prediction(NamedTuple):
     score_logit: Tensor | None = None
     heat_logits: Tensor | None = None
 
-    def of(self, rows: Tensor) -> Prediction:
-        """What it says of some of the crops, detached, on the CPU."""
-        score, heat = (
-            None if values is None else values[rows].detach().cpu()
-            for values in (self.score_logit, self.heat_logits)
-        )
-        return Prediction(self.corners[rows].detach().cpu(), score, heat)
-
 
 class StepNetwork(nn.Module, ABC):
     """A network that follows objects step by step, with its state passed in and out.

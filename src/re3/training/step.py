@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -88,7 +89,7 @@ class Learner:
         current, previous = self._crops(rollout)
         with self.device.autocast():
             half = self.unroll(current, previous, rollout.looked.to(device), rollout.steps)
-        output = _single(half)
+        output = _each(half, lambda values: values.float())  # in single precision
         losses = tracking_loss(
             output,
             rollout.targets.to(device),
@@ -114,19 +115,21 @@ class Learner:
         """The loss of each source's sequences alone, by the same formula."""
         found = {}
         for source in sorted(set(rollout.sources) - {""}):
-            own = np.flatnonzero([name == source for name in rollout.sources])
-            rows = rollout.rows(own)
-            with torch.no_grad():
-                losses = tracking_loss(
-                    output.of(rows),
-                    rollout.targets[rows],
-                    rollout.has_box[rows],
-                    rollout.hidden[rows],
-                    self.recipe.loss,
-                )
+            rows = rollout.rows(np.flatnonzero([name == source for name in rollout.sources]))
             if rollout.has_box[rows].any():
-                found[source] = losses.value
+                found[source] = self._loss_of(output, rollout, rows)
         return found
+
+    def _loss_of(self, output: Prediction, rollout: Rollout, rows: Tensor) -> float:
+        with torch.no_grad():
+            losses = tracking_loss(
+                _each(output, lambda values: values[rows].cpu()),
+                rollout.targets[rows],
+                rollout.has_box[rows],
+                rollout.hidden[rows],
+                self.recipe.loss,
+            )
+        return losses.value
 
     def _crops(self, rollout: Rollout) -> tuple[Maps | Tensor, Maps | Tensor | None]:
         """Current and previous crops on the device: maps, or pixels where the trunk learns."""
@@ -186,13 +189,13 @@ class _Unroll(nn.Module):
         return self.network.features(crops) if isinstance(crops, Tensor) else crops
 
 
-def _single(half: Prediction) -> Prediction:
-    """In single precision."""
-    score, heat = half.score_logit, half.heat_logits
+def _each(output: Prediction, change: Callable[[Tensor], Tensor]) -> Prediction:
+    """The same of all that a network predicts."""
+    score, heat = output.score_logit, output.heat_logits
     return Prediction(
-        half.corners.float(),
-        None if score is None else score.float(),
-        None if heat is None else heat.float(),
+        change(output.corners),
+        None if score is None else change(score),
+        None if heat is None else change(heat),
     )
 
 
