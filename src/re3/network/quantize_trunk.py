@@ -56,7 +56,9 @@ def quantize_trunk(model: onnx.ModelProto, steps: Sequence[Feeds]) -> onnx.Model
     chosen = [
         node.name
         for node in model.graph.node
-        if node.op_type == "Conv" and "/trunk" in node.name and _pays(kernels.get(node.input[1]))
+        if node.op_type == "Conv"
+        and node.input[1].startswith("network.trunk.")
+        and _pays(kernels.get(node.input[1]))
     ]
     if not chosen:
         raise ValueError("the graph has no convolution of a trunk to quantise")
