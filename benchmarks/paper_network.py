@@ -92,11 +92,14 @@ def print_speed(plain: Path, small: Path, rounds: int) -> None:
     from re3.benchmark.contenders import Entry
     from re3.benchmark.footage import made_footage
     from re3.benchmark.measure import over_rounds, take_turns
+    from re3.engine.threads import usable_cores
+
+    cores = usable_cores()  # for all alike
 
     entries = [
-        Entry("torch, eager, fp32", True, str(plain), "torch"),
-        Entry("ONNX Runtime, fp32", True, str(plain), "onnx"),
-        Entry("ONNX Runtime, 8-bit weights", True, str(small), "onnx"),
+        Entry("torch, eager, fp32", True, str(plain), "torch", threads=cores),
+        Entry("ONNX Runtime, fp32", True, str(plain), "onnx", threads=cores),
+        Entry("ONNX Runtime, 8-bit weights", True, str(small), "onnx", threads=cores),
     ]
     made = {entry.name: entry.make() for entry in entries}
     timings = take_turns(made, made_footage(40), rounds=rounds, frames=15)
