@@ -37,7 +37,7 @@ WARM_UP = 5
 
 PARTS = (
     # Part of a step, and what the names of its operators hold; the first that fits counts.
-    ("trunk", ("trunk",)),
+    ("trunk", ("trunk", "/conv.",)),
     ("embedding", ("embedding", "skip")),
     ("correlation", ("correlate", "object_part", "fuse", "squeeze")),
     ("fully connected", ("fully_connected",)),
@@ -187,10 +187,9 @@ def print_row(name: str, work: Work, limit: float, bound: str) -> None:
 
 def profile(model: str, threads: int) -> tuple[dict[str, Work], float]:
     """Work of each part of a step by ONNX Runtime's profile; seconds of the whole without it."""
-    from re3.engine import load_engine, zero_state
-    from re3.models import find_weights
+    from re3.engine import find_file, load_engine, zero_state
 
-    engine = load_engine(model, "onnx", threads)
+    engine = load_engine(find_file(model)[0], "onnx", threads)
     rng = np.random.default_rng(0)
     feeds: dict[str, np.ndarray] = dict(zero_state(engine.spec, 1))
     for name, view in (
@@ -209,7 +208,7 @@ def profile(model: str, threads: int) -> tuple[dict[str, Work], float]:
         options.enable_profiling = True
         options.profile_file_prefix = str(Path(folder) / "profile")
         session = onnxruntime.InferenceSession(
-            str(find_weights(model)), options, providers=["CPUExecutionProvider"]
+            str(find_file(model)[0]), options, providers=["CPUExecutionProvider"]
         )
         for _ in range(WARM_UP + STEPS):
             session.run(None, feeds)
@@ -219,11 +218,12 @@ def profile(model: str, threads: int) -> tuple[dict[str, Work], float]:
         if event.get("cat") == "Node" and event["name"].endswith("_kernel_time"):
             name = event["name"].removesuffix("_kernel_time").removeprefix("fused ")
             runs[name].append(event)
+    kernels = kernel_sizes(model)
     parts = {part: Work(bytes=held) for part, held in weight_bytes(model).items()}
     for name, each in runs.items():
         work = parts.setdefault(part_of(name), Work())
         one = each[-1]["args"]
-        work.operations += operations_of(one)
+        work.operations += operations_of(one, kernels.get(name.split("_token_")[0]))
         work.bytes += float(one["activation_size"]) + float(one["output_size"])
         seconds = np.array([event["dur"] for event in each]) / 1e6
         # Some operators run several times a step.
@@ -247,15 +247,36 @@ def part_of(name: str) -> str:
     return next((part for part, words in PARTS if any(word in name for word in words)), OTHER)
 
 
-def operations_of(arguments: dict) -> float:
-    """Multiplications and additions of one run of an operator; of small ones one an element."""
+def kernel_sizes(model: str) -> dict[str, float]:
+    """Products for each output value of a convolution, by the name it has in the graph."""
+    from re3.engine import find_file
+
+    graph = onnx.load(str(find_file(model)[0])).graph
+    stored = {weight.name: weight.dims for weight in graph.initializer}
+    for node in graph.node:  # weights behind a cast or a scale
+        if node.op_type in ("Cast", "DequantizeLinear") and node.input[0] in stored:
+            stored[node.output[0]] = stored[node.input[0]]
+    return {
+        node.name: float(np.prod(stored[node.input[1]][1:]))
+        for node in graph.node
+        if node.op_type == "Conv" and node.input[1] in stored
+    }
+
+
+def operations_of(arguments: dict, kernel: float | None) -> float:
+    """Multiplications and additions of one run of an operator; of small ones one an element.
+
+    Args:
+        arguments: what ONNX Runtime's profile says of it.
+        kernel: of a convolution that it does not say all of, products for each output value.
+    """
     kind = arguments["op_name"]
     shapes = [next(iter(one.values())) for one in arguments["input_type_shape"]]
     out = float(np.prod(next(iter(arguments["output_type_shape"][0].values()))))
     if "Conv" in kind:
         # Weights are [out, in / groups, height, width]; an 8-bit convolution has scales between.
-        weight = next(shape for shape in shapes[1:] if len(shape) == 4)
-        return 2.0 * out * float(np.prod(weight[1:]))
+        weights = [shape for shape in shapes[1:] if len(shape) == 4]
+        return 2.0 * out * (float(np.prod(weights[0][1:])) if weights else kernel or 0.0)
     if "MatMul" in kind or "Gemm" in kind:
         return 2.0 * out * float(shapes[0][-1])
     return out
@@ -263,10 +284,10 @@ def operations_of(arguments: dict) -> float:
 
 def weight_bytes(model: str) -> dict[str, float]:
     """Bytes of each part's weights while it runs: those stored as fp16 are fp32 then."""
-    from re3.models import find_weights
+    from re3.engine import find_file
 
     held: dict[str, float] = defaultdict(float)
-    for weight in onnx.load(str(find_weights(model))).graph.initializer:
+    for weight in onnx.load(str(find_file(model)[0])).graph.initializer:
         values = onnx.numpy_helper.to_array(weight)
         width = 4 if values.dtype == np.float16 else values.dtype.itemsize
         held[part_of(weight.name)] += float(values.size * width)
@@ -278,15 +299,15 @@ def crop_work(model: str, threads: int) -> Work:
     from re3.benchmark.contenders import Entry
     from re3.benchmark.footage import made_footage
     from re3.benchmark.measure import over_rounds, take_turns
-    from re3.engine import load_engine
+    from re3.engine import find_file, load_engine
 
     timing = take_turns(
-        {"model": Entry("model", True, model, "onnx", threads).make()},
+        {"model": Entry("model", True, model, threads=threads).make()},
         made_footage(60),
         rounds=3,
         frames=STEPS,
     )["model"]
-    spec = load_engine(model, "onnx", threads).spec
+    spec = load_engine(find_file(model)[0], "onnx", threads).spec
     views = [view for view in (spec.previous, spec.current) if view is not None]
     read = sum(3 * 72 * 96 * view.context**2 for view in views)
     written = sum(3 * view.size**2 for view in views)
@@ -296,9 +317,9 @@ def crop_work(model: str, threads: int) -> Work:
 
 def is_8_bit(model: str) -> set[str]:
     """The parts whose products are of 8 bits."""
-    from re3.models import find_weights
+    from re3.engine import find_file
 
-    graph = onnx.load(str(find_weights(model))).graph
+    graph = onnx.load(str(find_file(model)[0])).graph
     kinds = ("MatMulInteger", "QLinearConv", "ConvInteger", "QLinearMatMul")
     found = {part_of(node.output[0]) for node in graph.node if node.op_type in kinds}
     quantised = {node.output[0] for node in graph.node if node.op_type == "DequantizeLinear"}
