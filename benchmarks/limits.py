@@ -37,7 +37,13 @@ WARM_UP = 5
 
 PARTS = (
     # Part of a step, and what the names of its operators hold; the first that fits counts.
-    ("trunk", ("trunk", "/conv.",)),
+    (
+        "trunk",
+        (
+            "trunk",
+            "/conv.",
+        ),
+    ),
     ("embedding", ("embedding", "skip")),
     ("correlation", ("correlate", "object_part", "fuse", "squeeze")),
     ("fully connected", ("fully_connected",)),
