@@ -160,6 +160,18 @@ def test_limits_are_named(client, app, tmp_path):
     answer = client.post("/api/sessions", json={"source": "camera"})
     refused(answer, 429, "3 sessions are open", "--max-sessions")
     assert answer.json()["limit"] == "sessions"
+    first, second, third = map(app.state.sessions.get, app.state.sessions)
+    first.viewers.add(object())
+    for session, seconds in ((first, 900), (second, 61), (third, 70)):
+        session.used_at -= seconds
+    create(client, "upload", "takes the place of the one left alone longest")
+    assert third.id not in app.state.sessions
+    second.path = tmp_path  # is being uploaded
+    refused(client.post("/api/sessions", json={"source": "camera"}), 429)
+    first.viewers.clear()
+    create(client, "camera")
+    assert first.id not in app.state.sessions
+    assert second.id in app.state.sessions
 
 
 @pytest.mark.parametrize("content", [b"", b"text", CLIP.read_bytes()[:5000]])

@@ -84,9 +84,9 @@ class Limits:
         if others >= self.sessions:
             raise OverLimitError(
                 "sessions",
-                f"{others} sessions are open, the most that this server keeps at once; end one, "
-                f"wait until one has been idle for {self.idle_minutes:g} minutes, or start the "
-                "server with a larger --max-sessions",
+                f"{others} sessions are open, the most that this server keeps at once; close the "
+                "page of one and try again in a minute, or start the server with a larger "
+                "--max-sessions",
             )
 
     def check_objects(self, others: int) -> None:

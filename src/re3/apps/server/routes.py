@@ -86,6 +86,7 @@ async def about(request: Request, every: All) -> schemas.About:
 async def create_session(new: schemas.NewSession, every: All) -> schemas.SessionState:
     """Create a session; one of a sample clip is ready at once."""
     sample = find_sample(new.name) if new.source == "sample" else None
+    await every.make_room()
     session = every.create(new.source, sample.title if sample else _title(new.name))
     if sample is not None:
         await _open_or_remove(every, session, sample.path)

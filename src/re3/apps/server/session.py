@@ -90,6 +90,11 @@ class Session:
         return self._folder
 
     @property
+    def busy(self) -> bool:
+        """Whether it plays, or its video is being uploaded."""
+        return self.playing or (self.path is not None and self.tracked is None)
+
+    @property
     def fps(self) -> Fraction:
         """Frames a second of the video."""
         return self._video.fps if self._video is not None else Fraction(30)

@@ -15,6 +15,9 @@ from re3.engine import Engine
 
 EXPIRY_CHECK_SECONDS = 2.0
 
+LEFT_ALONE_SECONDS = 60.0
+"""A session that no page is open on, unused for so long, makes room for a new one."""
+
 
 class Sessions:
     """The sessions, their files in a private temporary folder.
@@ -42,6 +45,19 @@ class Sessions:
         """Their ids."""
         return iter(self._sessions)
 
+    async def make_room(self) -> None:
+        """Where there are as many as allowed, end the one that was left alone for longest."""
+        if len(self) < self.limits.sessions:
+            return
+        oldest = time.monotonic() - LEFT_ALONE_SECONDS
+        left = [
+            each
+            for each in self._sessions.values()
+            if each.used_at < oldest and not each.viewers and not each.busy
+        ]
+        if left:
+            await self.remove(min(left, key=lambda each: each.used_at).id)
+
     def create(self, source: Source, title: str) -> Session:
         """A new session.
 
@@ -58,7 +74,8 @@ class Sessions:
         if session_id not in self._sessions:
             raise KeyError(
                 "there is no such session (any more); sessions end when nobody has used them for "
-                f"{self.limits.idle_minutes:g} minutes, and when the server stops"
+                f"{self.limits.idle_minutes:g} minutes, when newer ones need their place, and when "
+                "the server stops"
             )
         return self._sessions[session_id]
 
