@@ -121,7 +121,7 @@ def open_sample(page):
 
 
 def wait_for_first_frame(page):
-    expect(page.locator("#hint")).to_have_text("Draw a box around something to track.")
+    expect(page.locator("#hint")).to_contain_text("Draw a box around something to track")
     until(page, "re3.stage.picture.width === 768")
 
 
@@ -195,7 +195,7 @@ def test_draw_track_correct_and_export(new_page, short_clip):
     corrected = boxes(page)[-1]["results"][0]["box_xywh"]
     inside = (min(x + 20, 768 - w), min(y + 10, 432 - h), w, h)
     assert corrected == pytest.approx(inside, abs=2)
-    assert corrected[2:] == [w, h]
+    assert corrected[2:] == pytest.approx([w, h], abs=0.01)  # boxes are drawn in 1/100 pixels
     track_to_the_end(page)
     again = exported_rows(page)
     assert again[:at] == rows[:at]
@@ -213,7 +213,11 @@ def test_several_objects_names_colours_and_mistakes(new_page):
     page = new_page()
     open_sample(page)
     drag(page, PERSON)
-    drag(page, (560, 150, 120, 200))
+    until(page, "re3.model.selected === 1")
+    page.get_by_role("button", name="Add object").click()
+    expect(page.locator("#hint")).to_have_text("Draw a box around the new object.")
+    drag(page, (400, 150, 120, 200))  # inside the first object's box
+    until(page, "re3.model.objects.length === 2")
     name = page.get_by_role("textbox", name="Name of object 2")
     name.fill("object 1")
     name.press("Enter")
@@ -225,8 +229,11 @@ def test_several_objects_names_colours_and_mistakes(new_page):
     until(page, "re3.model.object(2).colour === '#ff8800'")
     page.locator("#forward").click()
     until(page, "re3.model.shown === 1 && re3.model.results().length === 2")
+    expect(page.locator("#hint")).to_contain_text("Drag the box or its corners")
+    expect(page.locator(".object .status").nth(0)).not_to_have_text("drawn here")
     drag(page, (700, 100, 200, 100))  # beyond the edge: cut off there
     until(page, "re3.model.box(3) !== null")
+    expect(page.locator(".object .status").nth(2)).to_have_text("drawn here")
     x, _, w, _ = page.evaluate("re3.model.box(3)")
     assert x + w == pytest.approx(768)
     page.get_by_role("button", name="Remove object 3").click()
@@ -238,12 +245,15 @@ def test_several_objects_names_colours_and_mistakes(new_page):
     until(page, "re3.model.shown === 2")
     page.get_by_role("button", name="End here the door").click()
     until(page, "re3.model.results().length === 1 && re3.model.object(2).ends[0] === 2")
+    expect(page.locator(".object .status").nth(1)).to_have_text("ended")
+    page.go_back()
+    page.get_by_role("button", name="Try the sample clip").wait_for()
 
 
 def test_keyboard_alone(new_page):
     page = new_page()
     page.goto("/")
-    page.get_by_role("button", name="Try the sample clip").focus()
+    page.locator("#sample:enabled").focus()
     page.keyboard.press("Enter")
     until(page, "document.activeElement.id === 'stage' && re3.stage.picture.width === 768")
     page.keyboard.press("Enter")
@@ -261,8 +271,11 @@ def test_keyboard_alone(new_page):
     page.keyboard.press("Home")
     until(page, "re3.model.shown === 0")
     page.locator("#stage").focus()
+    asked = []
+    page.on("dialog", lambda dialog: (asked.append(dialog.message), dialog.accept()))
     page.keyboard.press("Delete")
     until(page, "re3.model.objects.length === 0")
+    assert re.fullmatch(r"Remove object 1 and its boxes in \d+ frames\?", asked[0])
 
 
 def test_a_finger_on_a_phone(new_page):
@@ -276,10 +289,11 @@ def test_a_finger_on_a_phone(new_page):
         touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": x, "y": y}]})
     touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
     until(page, "re3.model.objects.length === 1")
+    page.wait_for_timeout(400)  # a tap sooner after a drag is no click to Chromium
     page.locator("#play").tap()
     until(page, "re3.model.shown > 2")
     assert page.evaluate("document.documentElement.scrollWidth") == 390
-    assert page.locator("#add").is_hidden()  # there are no keys
+    assert page.get_by_text("drop a video file").is_hidden()  # nothing can be dropped
     expect(page.locator("#hint")).to_contain_text("Tap")
 
 
@@ -343,7 +357,7 @@ def test_a_session_that_ends_says_so(new_page, base):
     expect(page.locator("#banner")).to_contain_text("This session has been ended.")
     assert page.locator("#play").is_disabled()
     page.goto(f"/s/{session}")
-    expect(page.locator("#banner")).to_contain_text("no such session")
+    expect(page.locator("#banner")).to_contain_text("There is no such session")
     page.get_by_role("button", name="Try the sample clip").click()
     until(page, "re3.model.ready")
 
@@ -359,6 +373,8 @@ def test_a_stopped_server_is_told_of(chromium):
         server.stop()
         thread.join(timeout=20)
     expect(page.locator("#banner")).to_contain_text("connection to the server is lost")
+    expect(page.locator("#hint")).to_have_text("Waiting for the server …")
+    assert page.locator("#play").is_disabled()
     page.close()
 
 

@@ -39,13 +39,14 @@ export function handlePoint([x, y, w, h], handle) {
   return [x + across * w, y + down * h];
 }
 
-/** The handle within reach of a point, or null. */
+/** The handle within reach of a point, or null. Inside a small box they reach less far, so that it
+ *  can still be moved. */
 export function handleAt(box, point, reach) {
-  for (const handle of HANDLES) {
-    const [x, y] = handlePoint(box, handle);
-    if (Math.abs(x - point[0]) <= reach && Math.abs(y - point[1]) <= reach) return handle;
-  }
-  return null;
+  const near = (at, axis) => {
+    const inside = point[axis] > box[axis] && point[axis] < box[axis] + box[axis + 2];
+    return Math.abs(at - point[axis]) <= (inside ? Math.min(reach, box[axis + 2] / 4) : reach);
+  };
+  return HANDLES.find((handle) => handlePoint(box, handle).every(near)) ?? null;
 }
 
 export function contains([x, y, w, h], [px, py]) {

@@ -1,4 +1,4 @@
-// The scores over time, a line an object; click or arrow keys go to a frame.
+// The scores over time, a line an object, a dot where it was drawn; click or arrow keys go to a frame.
 
 const PAD = 6;
 
@@ -13,6 +13,9 @@ export class Chart {
       dragging = true;
       canvas.setPointerCapture(event.pointerId);
       go(event);
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      canvas.title = `Frame ${this.frameAt(event)}`;
     });
     canvas.addEventListener("pointerup", (event) => {
       if (dragging && this.frameAt(event) !== this.model.position) go(event);
@@ -82,6 +85,12 @@ export class Chart {
       for (const [index, found] of this.model.history(object.id)) {
         if (!found || found.score === null) flush();
         else part.push([x(index), y(found.score)]);
+        if (found && object.given.includes(index)) {
+          pen.fillStyle = object.colour;
+          pen.beginPath();
+          pen.arc(x(index), y(found.score ?? 1), 3.5, 0, 2 * Math.PI);
+          pen.fill();
+        }
         if (found?.status === "lost") {
           pen.fillStyle = style.getPropertyValue("--bad");
           pen.fillRect(x(index) - 1, height - 4, 2, 4);

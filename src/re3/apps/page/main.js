@@ -7,7 +7,8 @@ import { WorkScreen } from "./work.js";
 
 const $ = (id) => document.getElementById(id);
 
-function banner(text, button = "", act = null) {
+function banner(told, button = "", act = null) {
+  const text = told.replace(/^[a-z]+(?=[ ,;])/, (word) => word[0].toUpperCase() + word.slice(1));
   $("banner").hidden = !text;
   if ($("banner-text").textContent !== text) $("banner-text").textContent = text;
   $("banner-button").hidden = !button;
@@ -19,12 +20,15 @@ function show(session, camera, work) {
   $("start").hidden = true;
   $("work").hidden = false;
   document.title = `${session.title} – re3`;
-  history.replaceState(null, "", `/s/${session.id}`);
+  const address = `/s/${session.id}`;
+  // So that the browser's Back goes to the first screen.
+  if (location.pathname !== address) history.pushState(null, "", address);
   work.open(session, camera);
 }
 
 async function main() {
   startTheme($("theme"));
+  addEventListener("popstate", () => location.reload());
   const about = await request("GET", "/api/about");
   const work = new WorkScreen(about, banner);
   window.re3 = work; // for tests, and for the curious

@@ -8,6 +8,7 @@ export class Model {
     this.shown = 0; // the frame whose picture is shown
     this.selected = null;
     this.redrawing = null; // the object that the next box is for
+    this.adding = false; // whether the next box was asked to be a new object's
   }
 
   get ready() {
@@ -61,6 +62,18 @@ export class Model {
 
   box(id) {
     return id === null ? null : this.result(id)?.box_xywh ?? null;
+  }
+
+  /** Frames in which the object was found, or looked for. */
+  count(id) {
+    return [...this.frames.values()].filter((frame) =>
+      frame.results.some((found) => found.object === id)).length;
+  }
+
+  /** Whether an object is lost in any frame. */
+  get anyLost() {
+    return [...this.frames.values()].some((frame) =>
+      frame.results.some((found) => found.status === "lost"));
   }
 
   /** [index, result or null] of an object, in order. */

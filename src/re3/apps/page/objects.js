@@ -1,7 +1,5 @@
 // The list of objects: name, colour, score, and what can be done with each.
 
-const STATUS = { tracked: "tracked", uncertain: "uncertain", lost: "lost" };
-
 /** `on.rename(id, name)` (throws what is wrong), `on.recolour`, `on.redraw`, `on.end`, `on.remove`,
  *  `on.select`. */
 export class ObjectList {
@@ -26,6 +24,7 @@ export class ObjectList {
     for (const object of this.model.objects) {
       const row = this.rows.get(object.id) ?? this.build(object.id);
       if (document.activeElement !== row.name) row.name.value = object.name;
+      row.name.title = object.name;
       row.colour.value = object.colour;
       row.item.style.setProperty("--colour", object.colour);
       row.item.classList.toggle("selected", object.id === this.model.selected);
@@ -41,10 +40,16 @@ export class ObjectList {
   updateScores() {
     for (const [id, row] of this.rows) {
       const found = this.model.result(id);
-      const score = found && found.score !== null ? `${found.score.toFixed(2)} ` : "";
-      row.status.textContent = found ? `${score}${STATUS[found.status]}` : "not here";
+      row.status.textContent = this.status(this.model.object(id), found);
       row.item.classList.toggle("lost", found?.status === "lost");
     }
+  }
+
+  status(object, found) {
+    const { shown } = this.model;
+    if (object.given.includes(shown)) return "drawn here";
+    if (!found) return shown < object.first ? `from frame ${object.first} on` : "ended";
+    return found.score === null ? found.status : `${found.score.toFixed(2)} ${found.status}`;
   }
 
   build(id) {
@@ -58,11 +63,12 @@ export class ObjectList {
     line.append(colour, name, status);
     const keys = make("div", { className: "object-buttons" });
     const buttons = [
-      ["Redraw", () => this.on.redraw(id)],
-      ["End here", () => this.on.end(id)],
-      ["Remove", () => this.on.remove(id)],
-    ].map(([verb, act]) => {
-      const button = make("button", { type: "button", textContent: verb });
+      ["Redraw", "Draw its box anew in this frame", () => this.on.redraw(id)],
+      ["End here", "Keep its boxes before this frame, and follow it no further", () => this.on.end(id)],
+      ["Remove", "Forget it and all its boxes", () => this.on.remove(id)],
+    ].map(([verb, title, act]) => {
+      const button = make("button", { type: "button", textContent: verb, title });
+      button.dataset.verb = verb;
       button.addEventListener("click", act);
       keys.append(button);
       return [button, verb];

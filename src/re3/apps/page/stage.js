@@ -4,13 +4,15 @@ import { HANDLES, between, contains, handleAt, handlePoint, largeEnough, moved, 
   from "./boxes.js";
 
 const TRAIL = 40; // frames
+const ROOM = 40; // CSS pixels of a side with a handle in its middle; shorter ones have corners only
+const NAME_LENGTH = 28;
 const REACH = { mouse: 8, touch: 18, pen: 10 }; // CSS pixels
 const CURSORS = { nw: "nwse-resize", se: "nwse-resize", ne: "nesw-resize", sw: "nesw-resize",
   n: "ns-resize", s: "ns-resize", e: "ew-resize", w: "ew-resize" };
 
 /**
  * `on.hold()` before a box is begun; `on.drawn(box)` a new one; `on.changed(id, box)` one of an
- * object; `on.select(id)`; `on.say(text)` for screen readers.
+ * object; `on.select(id)`; `on.draft()` where one made with the keyboard changes; `on.say(text)`.
  */
 export class Stage {
   constructor(element, model, on) {
@@ -34,7 +36,7 @@ export class Stage {
     if (width === this.size[0] && height === this.size[1]) return;
     this.size = [width, height];
     this.element.style.aspectRatio = `${width} / ${height}`;
-    this.element.style.maxWidth = `calc(min(68vh, 46rem) * ${width / height})`;
+    this.element.style.maxWidth = `calc(min(62vh, 46rem) * ${width / height})`;
     this.draw();
   }
 
@@ -127,7 +129,8 @@ export class Stage {
     return hit.length ? hit[0].object : null;
   }
 
-  finish(box, id) {
+  finish(exact, id) {
+    const box = exact.map((v) => Math.round(v * 100) / 100); // pixels of the video; for people to read
     if (id !== null) this.on.changed(id, box);
     else this.on.drawn(box);
   }
@@ -142,7 +145,7 @@ export class Stage {
     const box = this.model.box(id) ?? [width * 0.375, height * 0.3, width * 0.25, height * 0.4];
     this.draft = { box: [...box], id };
     this.element.focus();
-    this.sayDraft("Box begun. Arrows move it, Shift with arrows changes its size, Enter accepts.");
+    this.on.draft();
     this.draw();
   }
 
@@ -155,7 +158,6 @@ export class Stage {
       const [dx, dy] = by.map((sign) => sign * step);
       this.draft.box = event.shiftKey ? resized(this.draft.box, "se", dx, dy, this.size)
         : moved(this.draft.box, dx, dy, this.size);
-      this.sayDraft("");
     } else if (event.key === "Enter") {
       const { box, id } = this.draft;
       this.draft = null;
@@ -163,16 +165,13 @@ export class Stage {
     } else if (event.key === "Escape") {
       this.cancel();
       this.on.say("Box given up.");
+      return true;
     } else {
       return event.key === " "; // no tracking with a box half made
     }
+    this.on.draft();
     this.draw();
     return true;
-  }
-
-  sayDraft(begin) {
-    const [x, y, w, h] = this.draft.box.map(Math.round);
-    this.on.say(`${begin} ${w} by ${h} pixels at ${x}, ${y}`.trim());
   }
 
   // Drawing
@@ -248,17 +247,21 @@ export class Stage {
     pen.setLineDash([]);
     if (!selected) return;
     for (const handle of HANDLES) {
+      // The handles of a small box would hide what is in it.
+      if (handle.length === 1 && (handle === "n" || handle === "s" ? w : h) < ROOM) continue;
+      const side = Math.min(w, h) < ROOM ? 5 : 8;
       const [px, py] = handlePoint([x, y, w, h], handle);
       pen.fillStyle = "#ffffff";
       pen.strokeStyle = "#000000";
       pen.lineWidth = 1;
-      pen.fillRect(px - 4, py - 4, 8, 8);
-      pen.strokeRect(px - 4, py - 4, 8, 8);
+      pen.fillRect(px - side / 2, py - side / 2, side, side);
+      pen.strokeRect(px - side / 2, py - side / 2, side, side);
     }
   }
 
   drawLabel(pen, found, colour, k, width) {
-    const name = this.model.object(found.object).name;
+    const whole = this.model.object(found.object).name;
+    const name = whole.length > NAME_LENGTH ? `${whole.slice(0, NAME_LENGTH - 1)}…` : whole;
     const score = found.score === null ? "" : ` ${found.score.toFixed(2)}`;
     const text = `${name}${score}${found.status === "tracked" ? "" : ` ${found.status}`}`;
     pen.font = "600 13px system-ui, sans-serif";

@@ -2,14 +2,12 @@
 
 import { Stream, request } from "./api.js";
 import { Chart } from "./chart.js";
+import { hint } from "./hints.js";
 import { Model } from "./model.js";
 import { ObjectList } from "./objects.js";
 import { Stage } from "./stage.js";
 
 const $ = (id) => document.getElementById(id);
-// What to do, for those with a keyboard and for those without.
-const TOUCH = matchMedia("(hover: none) and (pointer: coarse)");
-const press = (button) => (TOUCH.matches ? `Tap ${button}` : "Press Space");
 const WHY_GONE = {
   expired: "This session has ended: nobody has used it for too long.",
   ended: "This session has been ended.",
@@ -27,8 +25,8 @@ export class WorkScreen {
     this.camera = null;
     this.stream = null;
     this.times = [];
-    this.lost = new Set();
     this.goOn = false;
+    this.connected = true;
     this.said = "";
     this.turn = this.lastTurn = 0; // of pictures: decoding may change their order
     this.stage = new Stage($("stage"), model, {
@@ -37,6 +35,10 @@ export class WorkScreen {
       drawn: (box) => this.drawn(box),
       changed: (id, box) => this.change(id, { box_xywh: box }, true),
       select: (id) => this.select(id),
+      draft: () => {
+        this.said = "";
+        this.updateHint();
+      },
       say: (text) => this.say(text),
     });
     this.chart = new Chart($("chart"), model, (frame) => this.command({ do: "seek", frame }));
@@ -45,7 +47,7 @@ export class WorkScreen {
       recolour: (id, colour) => this.change(id, { colour }),
       redraw: (id) => this.redraw(id),
       end: (id) => this.ask("POST", `/objects/${id}/end`),
-      remove: (id) => this.ask("DELETE", `/objects/${id}`),
+      remove: (id) => this.remove(id),
       select: (id) => this.select(id),
     });
     this.wire();
@@ -56,7 +58,8 @@ export class WorkScreen {
     $("back").addEventListener("click", () => this.step(-1));
     $("forward").addEventListener("click", () => this.step(1));
     $("speed").addEventListener("change", () => this.model.session?.playing && this.play());
-    $("add").addEventListener("click", () => this.stage.beginDraft());
+    // A click of the keyboard has no detail.
+    $("add").addEventListener("click", (event) => (event.detail ? this.add() : this.stage.beginDraft()));
     $("copy").addEventListener("click", () => this.copyLink());
     $("done").addEventListener("click", () => this.handOver());
     $("idle").textContent = this.about.limits.idle_minutes;
@@ -65,7 +68,10 @@ export class WorkScreen {
       const link = Object.assign(document.createElement("a"), { textContent: title, download: "" });
       link.dataset.kind = kind;
       link.addEventListener("click", (event) => {
-        if (this.model.objects.length) return;
+        if (this.model.objects.length) {
+          if (kind === "mp4") this.say("Writing the video. The download starts when it is done.");
+          return;
+        }
         event.preventDefault();
         this.say("Nothing is tracked yet. Draw a box first.");
       });
@@ -83,14 +89,21 @@ export class WorkScreen {
     this.id = session.id;
     this.camera = camera;
     $("title").textContent = session.title;
+    $("work").dataset.source = session.source;
     for (const link of $("exports").querySelectorAll("a")) {
       link.href = `/api/sessions/${session.id}/export/${link.dataset.kind}`;
     }
     this.stream = new Stream(session.id, {
       message: (head, picture) => this.message(head, picture),
-      lost: () => this.banner("The connection to the server is lost; trying again. If it was "
-        + "stopped, start re3 serve again: its sessions are gone then."),
+      lost: () => {
+        this.connected = false;
+        this.banner("The connection to the server is lost; trying again. If it was stopped, start "
+          + "re3 serve again: its sessions are gone then.");
+        this.updateControls();
+        this.updateHint();
+      },
       back: () => {
+        this.connected = true;
         this.banner("");
         this.camera?.restart();
       },
@@ -162,7 +175,6 @@ export class WorkScreen {
     this.stage.draw();
     this.list.updateScores();
     this.figures(head);
-    this.announceLost();
     this.updateHint();
   }
 
@@ -175,16 +187,7 @@ export class WorkScreen {
     const ms = head.latency ?? head.tracking_ms;
     if (ms) $("latency").textContent = `${ms.toFixed(0)} ms`;
     const seconds = (times.at(-1) - times[0]) / 1000;
-    const running = model.session.playing || this.camera?.running;
-    $("shown-fps").textContent = running && seconds > 0 ? `${((times.length - 1) / seconds).toFixed(0)} FPS` : "–";
-  }
-
-  announceLost() {
-    for (const object of this.model.objects) {
-      const lost = this.model.result(object.id)?.status === "lost";
-      if (lost && !this.lost.has(object.id)) this.lost.add(object.id);
-      else if (!lost) this.lost.delete(object.id);
-    }
+    $("shown-fps").textContent = this.running && seconds > 0 ? `${((times.length - 1) / seconds).toFixed(0)} FPS` : "–";
   }
 
   update(session) {
@@ -209,13 +212,13 @@ export class WorkScreen {
 
   updateControls() {
     const { model } = this;
-    const { ready, playing, source } = model.session;
+    const { ready, source } = model.session;
     const tracked = model.objects.length > 0;
-    const running = playing || Boolean(this.camera?.running);
-    $("play").textContent = this.playLabel(running, tracked);
-    $("play").disabled = !ready && !this.camera;
-    $("back").disabled = !ready || model.position === 0;
-    $("forward").disabled = !ready;
+    $("play").textContent = this.playLabel;
+    if (!this.running) $("shown-fps").textContent = "–";
+    $("play").disabled = (!ready && !this.camera) || !this.connected;
+    $("back").disabled = !ready || model.position === 0 || !this.connected;
+    $("forward").disabled = !ready || !this.connected;
     $("add").disabled = !ready;
     const select = source === "select";
     $("select-box").hidden = !select;
@@ -230,40 +233,21 @@ export class WorkScreen {
     }
   }
 
-  playLabel(running, tracked) {
-    const { session, position } = this.model;
-    if (running) return "Pause";
+  get running() {
+    return this.model.session.playing || Boolean(this.camera?.running);
+  }
+
+  get playLabel() {
+    const { session, position, objects } = this.model;
+    if (this.running) return "Pause";
     if (this.camera) return "Go on";
     if (session.ended) return "Play again";
-    return tracked && position >= session.tracked_until ? "Track" : "Play";
+    return objects.length && position >= session.tracked_until ? "Track" : "Play";
   }
 
   updateHint() {
-    const text = this.hint();
+    const text = this.connected && this.model.ready && this.said || hint(this);
     if (text !== $("hint").textContent) $("hint").textContent = text;
-  }
-
-  hint() {
-    const { model } = this;
-    const { session } = model;
-    if (!session.ready) return this.camera ? "Waiting for the camera …" : "This session is over.";
-    if (this.said) return this.said;
-    const redrawn = model.object(model.redrawing);
-    if (redrawn) return `Draw a box around ${redrawn.name}.`;
-    const lost = model.objects.filter((each) => this.lost.has(each.id)).map((each) => each.name);
-    if (lost.length) return `${lost.join(", ")}: lost. Press Redraw and draw a box, or go on.`;
-    if (!model.objects.length) {
-      return session.ended ? "The end. Go back, and draw a box around something."
-        : "Draw a box around something to track.";
-    }
-    if (session.source === "select") return "Draw more boxes, or press Enter to track in the terminal.";
-    if (session.broken && session.ended) return `The video ends here: ${session.broken}`;
-    if (session.playing || this.camera?.running) return `Tracking. ${press("Pause")} to pause.`;
-    if (session.ended) return "The end of the video. Download the boxes, or go back and correct them.";
-    if (!this.camera && model.position === session.start && session.tracked_until === session.start) {
-      return `${press("Track")} to track. Or draw more boxes.`;
-    }
-    return `Paused. Drag a box to correct it. ${press($("play").textContent)} to go on.`;
   }
 
   /** For a moment, in place of the hint; screen readers read it as well. */
@@ -287,6 +271,7 @@ export class WorkScreen {
 
   play() {
     this.model.redrawing = null;
+    this.model.adding = false;
     const { ended, start } = this.model.session;
     if (ended) this.command({ do: "seek", frame: start ?? 0 });
     this.command({ do: "play", speed: Number($("speed").value) });
@@ -347,6 +332,23 @@ export class WorkScreen {
     this.release();
   }
 
+  /** The next box is a new object's, wherever it is begun. */
+  add() {
+    this.hold();
+    this.select(null);
+    this.model.redrawing = null;
+    this.model.adding = true;
+    this.updateHint();
+  }
+
+  /** Forget an object; boxes of more than a frame or two not without asking. */
+  remove(id) {
+    const frames = this.model.count(id);
+    const { name } = this.model.object(id);
+    if (frames > 2 && !confirm(`Remove ${name} and its boxes in ${frames} frames?`)) return;
+    this.ask("DELETE", `/objects/${id}`);
+  }
+
   async change(id, changes, drawn = false) {
     if (drawn) this.model.redrawing = null;
     const wrong = await this.ask("PATCH", `/objects/${id}`, changes);
@@ -359,8 +361,10 @@ export class WorkScreen {
 
   select(id) {
     this.model.selected = id;
+    this.model.adding = false;
     this.list.update();
     this.stage.draw();
+    this.updateHint();
   }
 
   redraw(id) {
@@ -415,7 +419,7 @@ export class WorkScreen {
         return inStage && this.stage.beginDraft(this.model.redrawing ?? this.model.selected);
       },
       Delete: () => !control && this.model.selected !== null
-        && this.ask("DELETE", `/objects/${this.model.selected}`),
+        && this.remove(this.model.selected),
       Escape: () => {
         this.model.redrawing = null;
         this.stage.cancel();

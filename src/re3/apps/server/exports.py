@@ -36,7 +36,7 @@ KINDS = {
     "otb": Kind(".txt", "text/plain; charset=utf-8", "OTB text"),
     "mot": Kind(".mot.txt", "text/plain; charset=utf-8", "MOTChallenge text"),
     "coco": Kind(".coco.json", "application/json", "COCO-style JSON"),
-    "mp4": Kind(".mp4", "video/mp4", "annotated MP4"),
+    "mp4": Kind(".mp4", "video/mp4", "MP4 with boxes"),
 }
 
 
