@@ -15,7 +15,9 @@ export class Chart {
       go(event);
     });
     canvas.addEventListener("pointermove", (event) => {
-      canvas.title = `Frame ${this.frameAt(event)}`;
+      const frame = this.frameAt(event);
+      const { fps } = this.model.session;
+      canvas.title = this.model.live ? `Frame ${frame}` : `Frame ${frame}, ${(frame / fps).toFixed(1)} s`;
     });
     canvas.addEventListener("pointerup", (event) => {
       if (dragging && this.frameAt(event) !== this.model.position) go(event);

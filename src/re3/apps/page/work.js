@@ -15,6 +15,14 @@ const WHY_GONE = {
   unknown: "This session has ended, or the server was started anew.",
   refused: "This session has ended: its video could not be used.",
 };
+const IN_FILE = {
+  csv: "A table: frame, time, object, x, y, width, height in pixels, score, status",
+  json: "What the table holds, for programs",
+  otb: "x,y,width,height a line for each frame; a file for each object, in a ZIP",
+  mot: "frame,object,x,y,width,height,score a line, counted from 1",
+  coco: "images, annotations and categories, as COCO has them",
+  mp4: "The video with boxes and names drawn in",
+};
 
 export class WorkScreen {
   /** `banner(text, button, act)` tells of trouble. */
@@ -67,6 +75,7 @@ export class WorkScreen {
       const item = document.createElement("li");
       const link = Object.assign(document.createElement("a"), { textContent: title, download: "" });
       link.dataset.kind = kind;
+      link.title = IN_FILE[kind] ?? "";
       link.addEventListener("click", (event) => {
         if (this.model.objects.length) {
           if (kind === "mp4") this.say("Writing the video. The download starts when it is done.");
