@@ -269,7 +269,7 @@ def kernel_sizes(model: str) -> dict[str, float]:
     }
 
 
-def operations_of(arguments: dict, kernel: float | None) -> float:
+def operations_of(arguments: dict, kernel: float | None = None) -> float:
     """Multiplications and additions of one run of an operator; of small ones one an element.
 
     Args:

@@ -69,13 +69,29 @@ def test_parts(limits, name, part):
 
 
 def test_the_parts_of_the_shipped_model_hold_all_its_weights(limits):
-    from re3.models import list_models
+    from re3.models import find_weights, list_models
 
     parameters = next(card.parameters for card in list_models() if card.name == "re3-lite")
-    held = limits.weight_bytes("re3-lite")
+    held = limits.weight_bytes(str(find_weights("re3-lite")))
     assert set(held) >= {"trunk", "fully connected", "LSTM", "readout"}
     # The trunk's normalisation lies in its convolutions; a few constants come on top.
     assert sum(held.values()) == pytest.approx(4 * parameters, rel=0.02)
+    # What runs by default is in eight bits, but for the recurrent layers and the score.
+    eight_bits = limits.weight_bytes("re3-lite")
+    assert sum(eight_bits.values()) < 0.6 * sum(held.values())
+    assert eight_bits["LSTM"] == held["LSTM"]
+
+
+def test_convolutions_whose_weights_the_profile_does_not_show(limits):
+    kernels = limits.kernel_sizes("re3-lite")
+    assert kernels["/network/trunk/stem/stem.0/layer/Conv"] == 3 * 3 * 3
+    assert len(kernels) == 45  # all that the network has
+    arguments = {
+        "op_name": "QLinearConv",
+        "input_type_shape": [{"uint8": [1, 4, 4, 3]}, {"float": []}, {"int8": [8]}],
+        "output_type_shape": [{"uint8": [1, 2, 2, 8]}],
+    }
+    assert limits.operations_of(arguments, 27.0) == 2 * 2 * 2 * 8 * 27
 
 
 def test_the_page_of_figures_keeps_what_is_not_measured_anew(tmp_path, monkeypatch):
