@@ -10,8 +10,8 @@ from re3.engine import load_engine, zero_state  # noqa: E402
 from re3.network.export import export_onnx  # noqa: E402
 from re3.network.quantize import (  # noqa: E402
     Levels,
-    Quantised,
-    is_quantised,
+    Quantized,
+    is_quantized,
     quantize,
 )
 from re3.network.re3_lite import LiteConfig, Re3Lite  # noqa: E402
@@ -60,13 +60,13 @@ def test_levels_that_saw_nothing_say_so():
 
 def test_weights_are_whole_multiples_and_nearly_the_same(pair):
     network, quantised = pair
-    assert is_quantised(quantised)
-    assert not is_quantised(network)
+    assert is_quantized(quantised)
+    assert not is_quantized(network)
     plain = torch.nn.Conv2d(3, 8, 1)
     with torch.no_grad():
         plain.weight[5] = 0.0  # an output of a bias alone
         before = plain.weight.clone(), plain.bias.clone()
-    layer = Quantised(plain, round_output=False)
+    layer = Quantized(plain, round_output=False)
     layer.input.scale.fill_(0.02)
     layer.round_weights()
     across = layer.weight_scale[:, None, None, None]
@@ -93,7 +93,7 @@ def test_the_file_has_integers_runs_and_loads_back(pair, tmp_path):
     graph = onnx.load(str(path)).graph
     kinds = {onnx.TensorProto.DataType.Name(w.data_type) for w in graph.initializer}
     assert {"INT8", "INT32", "UINT8"} <= kinds
-    layers = [m for m in quantised.modules() if isinstance(m, Quantised)]
+    layers = [m for m in quantised.modules() if isinstance(m, Quantized)]
     stored = [w for w in graph.initializer if w.name.endswith("weight_integer")]
     assert len(stored) == len(layers) > 40
     engine = load_engine(str(path))
@@ -110,7 +110,7 @@ def test_the_shipped_file_loads_into_torch_with_its_levels(tmp_path):
 
     path = find_eight_bits("re3-lite")
     network = load_network(path)
-    assert is_quantised(network)
+    assert is_quantized(network)
     again = tmp_path / "again.onnx"
     export_onnx(network, again)
     crops, _ = next(_steps(network))

@@ -153,7 +153,7 @@ def train(
 
         from re3.apps.run_folder import note_start
         from re3.apps.validation import Validation
-        from re3.network.quantize import is_quantised
+        from re3.network.quantize import is_quantized
         from re3.network.variants import build, trainable
         from re3.network.weights import load_network
         from re3.training.device import Device
@@ -181,7 +181,7 @@ def train(
                 f"no pretrained convolutions of {model!r} are at hand, and recipe {recipe_name} "
                 "freezes them; take --recipe paper, or start from weights with --init"
             )
-        if is_quantised(network):
+        if is_quantized(network):
             raise ValueError(
                 f"{init} computes in eight bits and cannot be trained further; give the weights "
                 "it was made from, such as those of re3-lite"

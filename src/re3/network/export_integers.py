@@ -7,7 +7,7 @@ import onnx
 from onnx import helper, numpy_helper
 from torch import nn
 
-from re3.network.quantize import Quantised
+from re3.network.quantize import Quantized
 from re3.network.weights import INTEGER_SUFFIX, SCALE_SUFFIX, ZERO_SUFFIX
 
 
@@ -16,7 +16,7 @@ def store_integers(model: onnx.ModelProto, network: nn.Module) -> None:
 
     The traced graph rounds what goes in and out of them; their weights lie on their levels.
     """
-    layers = {k: m for k, m in network.named_modules() if isinstance(m, Quantised)}
+    layers = {k: m for k, m in network.named_modules() if isinstance(m, Quantized)}
     if not layers:
         return
     graph = model.graph

@@ -67,7 +67,7 @@ class Levels(nn.Module):
         return torch.fake_quantize_per_tensor_affine(x, self.scale, self.zero_point, 0, 255)
 
 
-class Quantised(nn.Module):
+class Quantized(nn.Module):
     """A layer in eight bits; `weight_scale` `[outputs]` is what one level of its weights is worth.
 
     Args:
@@ -102,12 +102,12 @@ class Quantised(nn.Module):
             bias.copy_(torch.round(bias / step) * step)
 
 
-def is_quantised(network: nn.Module) -> bool:
+def is_quantized(network: nn.Module) -> bool:
     """Whether a network computes in eight bits."""
-    return any(isinstance(module, Quantised) for module in network.modules())
+    return any(isinstance(module, Quantized) for module in network.modules())
 
 
-def with_quantised_layers(network: Re3Lite) -> Re3Lite:
+def with_quantized_layers(network: Re3Lite) -> Re3Lite:
     """A copy of a network whose layers are made for eight bits, with levels yet to be set."""
     network = copy.deepcopy(network).eval()
     for parent in list(network.modules()):
@@ -124,7 +124,7 @@ def with_quantised_layers(network: Re3Lite) -> Re3Lite:
                 followers = followers[1:]
             rectified = bool(followers) and isinstance(followers[0], nn.ReLU6)
             # What a rectifier lets through is rounded at the input of the next layer.
-            setattr(parent, name, Quantised(layer, round_output=not rectified))
+            setattr(parent, name, Quantized(layer, round_output=not rectified))
     return network
 
 
@@ -148,9 +148,9 @@ def quantize(network: Re3Lite, steps: Iterable[tuple[Tensor, LiteState]]) -> Re3
     Raises:
         ValueError: no steps, or the network is quantised already.
     """
-    if is_quantised(network):
+    if is_quantized(network):
         raise ValueError("the network is quantised already; expected one in full precision")
-    quantised = with_quantised_layers(network)
+    quantised = with_quantized_layers(network)
     levels = [module for module in quantised.modules() if isinstance(module, Levels)]
     for level in levels:
         level.watch()
@@ -164,6 +164,6 @@ def quantize(network: Re3Lite, steps: Iterable[tuple[Tensor, LiteState]]) -> Re3
     for level in levels:
         level.settle()
     for module in quantised.modules():
-        if isinstance(module, Quantised):
+        if isinstance(module, Quantized):
             module.round_weights()
     return quantised

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from re3.model_spec import SPEC_KEY, ModelSpec
 from re3.network.base import StepNetwork
-from re3.network.quantize import with_quantised_layers
+from re3.network.quantize import with_quantized_layers
 from re3.network.re3_lite import Re3Lite
 from re3.network.variants import VARIANTS, Network, build
 
@@ -62,7 +62,7 @@ def load_network(path: str | Path) -> Network:
     if any(key.endswith(".input.scale") for key in values):
         if not isinstance(network, Re3Lite):
             raise ValueError(f"{path} has layers in eight bits, which {name!r} cannot have")
-        network = with_quantised_layers(network)
+        network = with_quantized_layers(network)
     own = network.state_dict()
     missing, unknown = sorted(own.keys() - values.keys()), sorted(values.keys() - own.keys())
     missing = [key for key in missing if not key.endswith("num_batches_tracked")]
