@@ -76,12 +76,12 @@ class TimedMultiTracker(MultiTracker):
         return super().update(frame)
 
     def _cut(
-        self, image: NDArray[np.uint8], region_xyxy: Floats, view: CropSpec
+        self, image: NDArray[np.uint8], regions_xyxy: Floats, view: CropSpec
     ) -> NDArray[np.uint8]:
         started = time.perf_counter()
-        crop = super()._cut(image, region_xyxy, view)
+        crops = super()._cut(image, regions_xyxy, view)
         self._crop_seconds += time.perf_counter() - started
-        return crop
+        return crops
 
     def _forget_times(self) -> None:
         self._crop_seconds = self._network.seconds = 0.0

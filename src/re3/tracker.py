@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from re3 import geometry
 from re3.engine import Engine, State, load_engine, zero_state
+from re3.engine.threads import usable_threads
 from re3.frames import as_bgr
 from re3.geometry import Floats
 from re3.model_spec import CropSpec
@@ -94,7 +97,8 @@ class MultiTracker:
         model: name of a shipped model (`re3 models` lists them) or path of an exported file.
         engine: "onnx-int8" (eight bits, the fastest), "onnx" or "torch" (full precision, the same
             boxes), "auto" for the first that the model has, or an engine of your own.
-        threads: of the engine; 0 takes one fewer than there are cores, 4 at most.
+        threads: of the engine, and of cutting several crops; 0 takes one fewer than there are
+            cores, 4 at most.
         search: look for an object that seems lost in a wider and wider area, six crops more a
             frame.
 
@@ -111,6 +115,7 @@ class MultiTracker:
         search: bool = True,
     ) -> None:
         self._search = search
+        self._threads = threads or usable_threads()
         self._engine = load_engine(model, engine, threads) if isinstance(engine, str) else engine
         self._tracks: dict[int, _Track] = {}
         self._next_id = 1
@@ -187,7 +192,7 @@ class MultiTracker:
         regions = geometry.snap(geometry.search_region(boxes, spec.current.context))
         output = self._engine.step(
             _stacked([look.track.previous_crop for look in looks]),
-            np.stack([self._cut(image, region, spec.current) for region in regions]),
+            self._cut(image, regions, spec.current),
             {name: np.stack([look.state[name] for look in looks]) for name in spec.state},
         )
         height, width = image.shape[:2]
@@ -321,7 +326,7 @@ class MultiTracker:
         region = geometry.snap(geometry.search_region(box_xyxy, spec.current.context))
         output = self._engine.step(
             _stacked([previous_crop]),
-            self._cut(image, region, spec.current)[None],
+            self._cut(image, region[None], spec.current),
             {name: state[name][None] for name in spec.state},
         )
         return {name: values[0] for name, values in output.state.items()}
@@ -361,16 +366,33 @@ class MultiTracker:
         if spec.previous is None:
             return None
         region = geometry.snap(geometry.search_region(box_xyxy, spec.previous.context))
-        return self._cut(image, region, spec.previous)
+        return self._cut(image, region[None], spec.previous)[0]
 
     def _cut(
-        self, image: NDArray[np.uint8], region_xyxy: Floats, view: CropSpec
+        self, image: NDArray[np.uint8], regions_xyxy: Floats, view: CropSpec
     ) -> NDArray[np.uint8]:
-        """Every crop is cut here, where `re3.timed_tracker` puts its clock."""
+        """Every crop is cut here, where `re3.timed_tracker` puts its clock.
+
+        Args:
+            regions_xyxy: `[N, 4]` in pixels.
+
+        Returns:
+            `[N, S, S, 3]`.
+        """
         spec = self._engine.spec
         if spec.whole_pixels:
-            region_xyxy = np.round(region_xyxy)
-        return geometry.crop(image, region_xyxy, view.size, spec.fill)
+            regions_xyxy = np.round(regions_xyxy)
+
+        def cut(region_xyxy: Floats) -> NDArray[np.uint8]:
+            return geometry.crop(image, region_xyxy, view.size, spec.fill)
+
+        if self._threads == 1 or len(regions_xyxy) <= self._threads:
+            return np.stack([cut(region) for region in regions_xyxy])
+        return np.stack(list(self._pool.map(cut, regions_xyxy)))
+
+    @cached_property
+    def _pool(self) -> ThreadPoolExecutor:
+        return ThreadPoolExecutor(self._threads, thread_name_prefix="re3-crops")
 
 
 class Tracker:

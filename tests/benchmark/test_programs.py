@@ -76,10 +76,11 @@ def test_the_parts_of_the_shipped_model_hold_all_its_weights(limits):
     assert set(held) >= {"trunk", "fully connected", "LSTM", "readout"}
     # The trunk's normalisation lies in its convolutions; a few constants come on top.
     assert sum(held.values()) == pytest.approx(4 * parameters, rel=0.02)
-    # What runs by default is in eight bits, but for the recurrent layers and the score.
+    # What runs by default is in eight bits, but for the score and other small layers.
     eight_bits = limits.weight_bytes("re3-lite")
-    assert sum(eight_bits.values()) < 0.6 * sum(held.values())
-    assert eight_bits["LSTM"] == held["LSTM"]
+    assert sum(eight_bits.values()) < 0.4 * sum(held.values())
+    assert eight_bits["LSTM"] < 0.3 * held["LSTM"]
+    assert eight_bits["readout"] > 0.5 * held["readout"]
 
 
 def test_convolutions_whose_weights_the_profile_does_not_show(limits):

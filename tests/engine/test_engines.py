@@ -32,7 +32,9 @@ def test_torch_and_onnx_agree_on_a_step():
             np.testing.assert_allclose(a.corners, b.corners, atol=1e-4)
             np.testing.assert_allclose(a.score, b.score, atol=1e-4)
             for name in spec.state:
-                np.testing.assert_allclose(a.state[name], b.state[name], atol=1e-4, err_msg=name)
+                np.testing.assert_allclose(
+                    a.state[name], b.state[name], rtol=1e-4, atol=1e-4, err_msg=name
+                )
             states = [a.state, b.state]
 
 
@@ -147,3 +149,23 @@ def test_the_shipped_model_has_a_card_with_figures():
     assert card.accuracy["val/davis AUC"] > 0.428  # the first box for ever
     for key in ("command", "data", "machine", "licence"):
         assert card.details[key], key
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("objects", [2, 5, 11])
+def test_each_of_several_objects_gets_what_it_would_get_alone(objects, threads):
+    engine = load_engine(DEFAULT_MODEL, threads=threads)
+    spec, rng = engine.spec, np.random.default_rng(objects)
+    side = spec.current.size
+    crops = rng.integers(0, 256, (objects, side, side, 3), dtype=np.uint8)
+    state = zero_state(spec, objects)
+    for _ in range(2):
+        together = engine.step(None, crops, state)
+        for index in range(objects):
+            one = slice(index, index + 1)
+            alone = engine.step(None, crops[one], {k: v[one] for k, v in state.items()})
+            np.testing.assert_allclose(together.corners[one], alone.corners, atol=1e-4)
+            np.testing.assert_allclose(together.score[one], alone.score, atol=1e-4)
+            for name, values in alone.state.items():
+                np.testing.assert_allclose(together.state[name][one], values, atol=1e-3)
+        state = together.state

@@ -8,9 +8,11 @@ torch = pytest.importorskip("torch", reason="quantisation needs torch")
 
 from re3.engine import load_engine, zero_state  # noqa: E402
 from re3.network.export import export_onnx  # noqa: E402
+from re3.network.peephole_lstm import CellState, PeepholeLSTMCell  # noqa: E402
 from re3.network.quantize import (  # noqa: E402
     Levels,
     Quantized,
+    QuantizedCell,
     is_quantized,
     quantize,
 )
@@ -84,6 +86,52 @@ def test_eight_bits_are_close_to_full_precision(pair):
             exact, rounded = network(crops, state), quantised(crops, state)
         np.testing.assert_allclose(rounded[0], exact[0], atol=0.25)  # 2.5 % of a crop
         assert not torch.equal(rounded[0], exact[0])
+
+
+def test_a_recurrent_cell_in_eight_bits_is_close_to_the_cell():
+    torch.manual_seed(0)
+    cell = PeepholeLSTMCell(12, 8)
+    torch.nn.init.normal_(cell.bias, std=0.5)
+    rounded = QuantizedCell(cell)
+    inputs = torch.randn(20, 3, 12)
+    zero = CellState(torch.zeros(3, 8), torch.zeros(3, 8))
+
+    def walk(cell):
+        state = zero
+        with torch.no_grad():
+            for x in inputs:
+                state = cell(x, state)
+        return state
+
+    exact = walk(cell)
+    products = [module for module in rounded.modules() if isinstance(module, Quantized)]
+    assert len(products) == 4
+    for product in products:
+        product.input.watch()
+    watched = walk(rounded)
+    np.testing.assert_allclose(watched.cell, exact.cell, atol=1e-5)  # it only looks
+    for product in products:
+        product.input.settle()
+        product.round_weights()
+    state = walk(rounded)
+    assert not torch.equal(state.output, exact.output)
+    np.testing.assert_allclose(state.output, exact.output, atol=0.03)
+    np.testing.assert_allclose(state.cell, exact.cell, atol=0.06)
+
+
+def test_pixels_are_the_first_layer_s_levels(pair, tmp_path):
+    _, quantised = pair
+    stem = quantised.trunk.stem[0].input
+    assert (float(stem.scale), int(stem.zero_point)) == (1.0, 127)
+    path = tmp_path / "tiny.onnx"
+    export_onnx(quantised, path)
+    nodes = onnx.load(str(path)).graph.node
+    made = {output: node for node in nodes for output in node.output}
+    first = next(n for n in nodes if n.op_type == "Conv")
+    levels = made[first.input[0]]
+    assert levels.op_type == "DequantizeLinear"
+    pixels = made[levels.input[0]]
+    assert (pixels.op_type, list(pixels.input)) == ("Transpose", ["current_crops"])
 
 
 def test_the_file_has_integers_runs_and_loads_back(pair, tmp_path):

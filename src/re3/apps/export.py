@@ -224,7 +224,7 @@ def _stored(chosen: Format, products: bool, int8: bool, half: bool) -> str:
     if products:
         return "8 bits in large products, which run on 8-bit integers; fp32 elsewhere"
     if int8:
-        return "8 bits in convolutions and the fully connected layer, which run on 8-bit integers"
+        return "8 bits in convolutions, fully connected layer and LSTM, which run on 8-bit integers"
     if chosen is Format.TORCHSCRIPT or (chosen is Format.ONNX and not half):
         return "fp32"
     return "fp16, arithmetic as the runtime chooses; fp32 in ONNX Runtime"

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import onnxruntime
@@ -13,9 +16,16 @@ from re3.engine.base import StepOutput
 from re3.engine.threads import usable_threads
 from re3.model_spec import DATA_SUFFIX, SPEC_KEY, ModelSpec
 
+AT_ONCE = 5
+"""Objects in one run at most: the maps of more do not stay in the processor's caches."""
+
 
 class OnnxEngine:
     """A one-step graph written by `re3.network.export`.
+
+    One object is computed by all threads together. Several are dealt out, each thread with some
+    for itself: threads then wait for each other once a step, not in each of its layers. Weights
+    are held a second time for that, but not where they lie in a file of their own.
 
     Args:
         path: of the .onnx file.
@@ -30,16 +40,11 @@ class OnnxEngine:
         path = Path(path)
         if not path.is_file():
             raise FileNotFoundError(f"model file {path} does not exist")
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = threads or usable_threads()
-        options.log_severity_level = 3  # errors only; warnings concern graph clean-up
-        if path.with_name(path.name + DATA_SUFFIX).is_file():
-            # Of a network whose weights lie apart memory counts: 7 MB less, and no slower.
-            options.enable_cpu_mem_arena = options.enable_mem_pattern = False
+        self._path = path
+        self._threads = threads or usable_threads()
+        self._large = path.with_name(path.name + DATA_SUFFIX).is_file()
         try:
-            self._session = onnxruntime.InferenceSession(
-                str(path), options, providers=["CPUExecutionProvider"]
-            )
+            self._session = self._open(self._threads)
         except Exception as error:  # ONNX Runtime raises classes of its own, without a base
             raise ValueError(
                 f"{path} cannot be loaded as an ONNX model: {error}; "
@@ -61,11 +66,49 @@ class OnnxEngine:
     ) -> StepOutput:
         """See `re3.engine.base.Engine.step`."""
         names = list(self.spec.state)
-        inputs = {"current_crops": current_crops, **{name: state[name] for name in names}}
+        inputs: dict[str, NDArray[Any]] = {name: state[name] for name in names}
+        inputs["current_crops"] = current_crops
         if previous_crops is not None:
             inputs["previous_crops"] = previous_crops
-        corners, score, *new = self._session.run(
-            ["corners", "score", *(f"new_{name}" for name in names)],
-            inputs,
-        )
+        outputs = ["corners", "score", *(f"new_{name}" for name in names)]
+        corners, score, *new = self._run(outputs, inputs, len(current_crops))
         return StepOutput(corners, score, dict(zip(names, new, strict=True)))
+
+    def _open(self, threads: int) -> onnxruntime.InferenceSession:
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = threads
+        options.log_severity_level = 3  # errors only; warnings concern graph clean-up
+        if self._large:
+            # Of a network whose weights lie apart memory counts: 7 MB less, and no slower.
+            options.enable_cpu_mem_arena = options.enable_mem_pattern = False
+        return onnxruntime.InferenceSession(
+            str(self._path), options, providers=["CPUExecutionProvider"]
+        )
+
+    def _run(
+        self, outputs: list[str], inputs: dict[str, NDArray[Any]], objects: int
+    ) -> list[NDArray[np.float32]]:
+        """One run of the graph, or several with a share of the objects each."""
+        if objects == 1 or self._large:
+            return self._session.run(outputs, inputs)
+        rounds = -(-objects // (self._threads * AT_ONCE))
+        shares = np.array_split(np.arange(objects), min(rounds * self._threads, objects))
+        session = self._alone if len(shares) > 1 else self._session
+
+        def run(share: NDArray[np.intp]) -> list[NDArray[np.float32]]:
+            part = slice(share[0], share[-1] + 1)
+            return session.run(outputs, {name: values[part] for name, values in inputs.items()})
+
+        parts = list(map(run, shares) if self._threads == 1 else self._pool.map(run, shares))
+        if len(parts) == 1:
+            return parts[0]
+        return [np.concatenate(of_all) for of_all in zip(*parts, strict=True)]
+
+    @cached_property
+    def _alone(self) -> onnxruntime.InferenceSession:
+        """For one thread, which any number of threads may run at a time."""
+        return self._session if self._threads == 1 else self._open(1)
+
+    @cached_property
+    def _pool(self) -> ThreadPoolExecutor:
+        return ThreadPoolExecutor(self._threads, thread_name_prefix="re3")

@@ -40,6 +40,39 @@ def store_integers(model: onnx.ModelProto, network: nn.Module) -> None:
     nodes += list(graph.node)
     del graph.node[:]
     graph.node.extend(nodes)
+    _take_pixels_as_they_are(graph)
+
+
+def _take_pixels_as_they_are(graph: onnx.GraphProto) -> None:
+    """Pixels less a mean, rounded to steps of 1 about that mean, are the pixels: skip the way."""
+    makers = {output: node for node in graph.node for output in node.output}
+    values = {weight.name: weight for weight in graph.initializer}
+    for rounding in [node for node in graph.node if node.op_type == "QuantizeLinear"]:
+        less = makers.get(rounding.input[0])
+        cast = makers.get(less.input[0]) if less is not None and less.op_type == "Sub" else None
+        if less is None or cast is None or cast.op_type != "Cast":
+            continue
+        mean = _value(less.input[1], makers, values)
+        scale, zero = (_value(name, makers, values) for name in rounding.input[1:])
+        if scale == 1 and zero == mean:
+            for node in graph.node:
+                node.input[:] = [
+                    cast.input[0] if name == rounding.output[0] else name for name in node.input
+                ]
+            for node in (rounding, less, cast):
+                graph.node.remove(node)
+
+
+def _value(
+    name: str, makers: dict[str, onnx.NodeProto], values: dict[str, onnx.TensorProto]
+) -> np.ndarray | None:
+    """Of a weight or a constant; None for anything else."""
+    if name in values:
+        return np.asarray(numpy_helper.to_array(values[name]))
+    node = makers.get(name)
+    if node is None or node.op_type != "Constant":
+        return None
+    return np.asarray(numpy_helper.to_array(node.attribute[0].t))
 
 
 def _narrow_zero_points(graph: onnx.GraphProto) -> None:

@@ -55,18 +55,28 @@ class PeepholeLSTMCell(nn.Module):
         """W x + b of all gates, `[..., inputs]` to `[..., 4 * units]`; may run over all steps."""
         return nn.functional.linear(x, self.input_weight, self.bias)
 
+    def recur(self, output: Tensor) -> Tensor:
+        """R y of all gates, `[N, units]` to `[N, 4 * units]`."""
+        return nn.functional.linear(output, self.recurrent_weight)
+
+    def peep(self, cell: Tensor) -> Tensor:
+        """P_i c and P_f c of the cell before the step, `[N, units]` to `[N, 2 * units]`."""
+        return nn.functional.linear(cell, self.peephole_weight)
+
+    def peep_after(self, cell: Tensor) -> Tensor:
+        """P_o c of the cell after the step, `[N, units]`."""
+        return nn.functional.linear(cell, self.output_peephole)
+
     def step(self, projected: Tensor, state: CellState) -> CellState:
         """The rest of the step, given `project(x)` `[N, 4 * units]`."""
         units = self.units
-        gates = projected + nn.functional.linear(state.output, self.recurrent_weight)
-        peepholes = nn.functional.linear(state.cell, self.peephole_weight)
-        z = torch.tanh(gates[:, :units])  # eq. 1
-        i = torch.sigmoid(gates[:, units : 2 * units] + peepholes[:, :units])  # eq. 2
-        f = torch.sigmoid(gates[:, 2 * units : 3 * units] + peepholes[:, units:])  # eq. 3
+        gates = projected + self.recur(state.output)
+        peepholes = self.peep(state.cell)
+        block_input, input_and_forget, output = gates.split([units, 2 * units, units], dim=1)
+        z = torch.tanh(block_input)  # eq. 1
+        i, f = torch.sigmoid(input_and_forget + peepholes).split(units, dim=1)  # eq. 2, 3
         cell = i * z + f * state.cell  # eq. 4
-        o = torch.sigmoid(  # eq. 5
-            gates[:, 3 * units :] + nn.functional.linear(cell, self.output_peephole)
-        )
+        o = torch.sigmoid(output + self.peep_after(cell))  # eq. 5
         return CellState(output=o * torch.tanh(cell), cell=cell)  # eq. 6
 
     def forward(self, x: Tensor, state: CellState) -> CellState:

@@ -1,9 +1,9 @@
 """Eight-bit arithmetic for a trained network: static, per tensor and, for weights, per channel.
 
-Convolutions and large fully connected layers get weights of 8 bits and an input rounded to 256
-levels, whose range is watched while the network runs on recorded steps. In torch all values stay
-floats that lie on those levels; the exported graph has the integers, and ONNX Runtime computes
-with them. Both give the same values but for rounding.
+Convolutions, large fully connected layers and recurrent cells get weights of 8 bits and an input
+rounded to 256 levels, whose range is watched while the network runs on recorded steps. In torch all
+values stay floats that lie on those levels; the exported graph has the integers, and ONNX Runtime
+computes with them. Both give the same values but for rounding.
 
 Scheme: Jacob et al., "Quantization and Training of Neural Networks for Efficient
 Integer-Arithmetic-Only Inference" (2018), sec. 2; after training, batch norms folded first.
@@ -18,6 +18,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
+from re3.network.efficientnet_lite import PIXEL_MEAN
+from re3.network.peephole_lstm import PeepholeLSTMCell
 from re3.network.re3_lite import LiteState, Re3Lite
 
 WEIGHT_LEVELS = 127
@@ -56,8 +58,12 @@ class Levels(nn.Module):
             raise ValueError("no values were watched; call watch() and run the network first")
         low, high = self.seen
         scale = (high - low) / 255 or 1.0
+        self.set(scale, round(-low / scale))
+
+    def set(self, scale: float, zero_point: int) -> None:
+        """Round from now on to whole multiples of `scale`, of which `zero_point` are below 0."""
         self.scale.fill_(scale)
-        self.zero_point.fill_(round(-low / scale))
+        self.zero_point.fill_(zero_point)
         self.seen = None
 
     def forward(self, x: Tensor) -> Tensor:
@@ -102,6 +108,52 @@ class Quantized(nn.Module):
             bias.copy_(torch.round(bias / step) * step)
 
 
+class QuantizedCell(PeepholeLSTMCell):
+    """A recurrent cell whose products are of eight bits; what they give is not rounded.
+
+    Args:
+        cell: in full precision; its weights are copied.
+    """
+
+    def __init__(self, cell: PeepholeLSTMCell) -> None:
+        nn.Module.__init__(self)
+        self.inputs, self.units = cell.inputs, cell.units
+        self.of_input = _product(cell.input_weight, cell.bias)
+        self.of_output = _product(cell.recurrent_weight)
+        self.of_cell = _product(cell.peephole_weight)
+        self.of_new_cell = _product(cell.output_peephole)
+
+    def project(self, x: Tensor) -> Tensor:
+        """See `PeepholeLSTMCell.project`."""
+        projected: Tensor = self.of_input(x)
+        return projected
+
+    def recur(self, output: Tensor) -> Tensor:
+        """See `PeepholeLSTMCell.recur`."""
+        gates: Tensor = self.of_output(output)
+        return gates
+
+    def peep(self, cell: Tensor) -> Tensor:
+        """See `PeepholeLSTMCell.peep`."""
+        peepholes: Tensor = self.of_cell(cell)
+        return peepholes
+
+    def peep_after(self, cell: Tensor) -> Tensor:
+        """See `PeepholeLSTMCell.peep_after`."""
+        peephole: Tensor = self.of_new_cell(cell)
+        return peephole
+
+
+def _product(weight: Tensor, bias: Tensor | None = None) -> Quantized:
+    outputs, inputs = weight.shape
+    # With a bias of zero, too: without one ONNX Runtime would not compute in eight bits.
+    layer = nn.Linear(inputs, outputs)
+    with torch.no_grad():
+        layer.weight.copy_(weight)
+        layer.bias.copy_(weight.new_zeros(outputs) if bias is None else bias)
+    return Quantized(layer, round_output=False)
+
+
 def is_quantized(network: nn.Module) -> bool:
     """Whether a network computes in eight bits."""
     return any(isinstance(module, Quantized) for module in network.modules())
@@ -114,6 +166,9 @@ def with_quantized_layers(network: Re3Lite) -> Re3Lite:
         children = list(parent.named_children())
         in_order = isinstance(parent, nn.Sequential)
         for position, (name, child) in enumerate(children):
+            if isinstance(child, PeepholeLSTMCell):
+                setattr(parent, name, QuantizedCell(child))
+                continue
             if not isinstance(child, nn.Conv2d | nn.Linear) or not _suits(child):
                 continue
             followers = [m for _, m in children[position + 1 :]] if in_order else []
@@ -163,6 +218,9 @@ def quantize(network: Re3Lite, steps: Iterable[tuple[Tensor, LiteState]]) -> Re3
         raise ValueError("no recorded steps to take the ranges from; expected a hundred or more")
     for level in levels:
         level.settle()
+    # Pixels have eight bits, whatever the steps showed of them.
+    stem = next(m for m in quantised.trunk.modules() if isinstance(m, Quantized))
+    stem.input.set(1.0, int(PIXEL_MEAN))
     for module in quantised.modules():
         if isinstance(module, Quantized):
             module.round_weights()

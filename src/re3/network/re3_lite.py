@@ -143,9 +143,10 @@ class ChannelNorm(nn.Module):
         self.bias = nn.Parameter(torch.zeros(channels, 1, 1))
 
     def forward(self, x: Tensor) -> Tensor:
-        centred = x - x.mean(dim=1, keepdim=True)
-        variance = (centred * centred).mean(dim=1, keepdim=True)
-        return centred * torch.rsqrt(variance + 1e-5) * self.weight + self.bias
+        weight, bias = self.weight.flatten(), self.bias.flatten()
+        channels_last = x.permute(0, 2, 3, 1)
+        normed = nn.functional.layer_norm(channels_last, weight.shape, weight, bias)
+        return normed.permute(0, 3, 1, 2)
 
 
 class Embedding(nn.Module):
@@ -180,18 +181,14 @@ def sample_region(maps: Tensor, regions: Tensor, cells: int) -> Tensor:
     Returns:
         `[N, C, cells, cells]`.
     """
-    side = maps.shape[-1]
-    centres = torch.arange(side, dtype=maps.dtype, device=maps.device) + 0.5
-    steps = (torch.arange(cells, dtype=maps.dtype, device=maps.device) + 0.5) / cells
-
-    def weights(low: Tensor, high: Tensor) -> Tensor:  # [N] each to [N, cells, G]
-        low, extent = low[:, None, None] * side, (high - low)[:, None, None] * side
-        reach = (extent / cells).clamp(min=1.0)
-        distance = (low + extent * steps[:, None] - centres).abs()
-        return (1 - distance / reach).clamp(min=0) / reach
-
-    across = weights(regions[:, 0], regions[:, 2])[:, None]  # [N, 1, cells, G]
-    down = weights(regions[:, 1], regions[:, 3])[:, None]
+    side = int(maps.shape[-1])
+    centres = torch.arange(0.5, side, dtype=maps.dtype, device=maps.device)
+    steps = torch.arange(0.5, cells, dtype=maps.dtype, device=maps.device)[:, None] / cells
+    low, high = (regions.reshape(-1, 4, 1, 1) * side).split(2, dim=1)  # [N, x and y, 1, 1]
+    extent = high - low
+    reach = (extent * (1 / cells)).clamp(min=1.0)
+    distance = (low + extent * steps - centres).abs()  # [N, x and y, cells, G]
+    across, down = ((reach - distance).clamp(min=0) / (reach * reach)).split(1, dim=1)
     return down @ (maps @ across.transpose(2, 3))
 
 
@@ -200,18 +197,19 @@ class Correlation(nn.Module):
 
     def __init__(self, config: LiteConfig) -> None:
         super().__init__()
-        positions = config.template_cells**2
+        self.positions = config.template_cells**2
         self.scale = config.embedding**-0.5
         self.reduce = nn.Sequential(
-            nn.Conv2d(positions, config.correlation, 1), nn.PReLU(config.correlation)
+            nn.Conv2d(self.positions, config.correlation, 1), nn.PReLU(config.correlation)
         )
 
     def forward(self, template: Tensor, current: Tensor) -> Tensor:
         """`[N, C, K, K]` and `[N, C, G, G]` to `[N, correlation, G, G]`."""
-        n, _, side, _ = current.shape
-        keys = template.flatten(2).transpose(1, 2)  # [N, K * K, C]
-        values = torch.bmm(keys, current.flatten(2)) * self.scale  # [N, K * K, G * G]
-        return self.reduce(values.reshape(n, -1, side, side))
+        channels, side = (int(length) for length in current.shape[1:3])
+        keys = template.reshape(-1, channels, self.positions).transpose(1, 2)
+        maps = current.reshape(-1, channels, side * side)
+        values = torch.bmm(keys, maps) * self.scale  # [N, K * K, G * G]
+        return self.reduce(values.reshape(-1, self.positions, side, side))
 
 
 class LiteHead(nn.Module):
@@ -250,7 +248,8 @@ class LiteHead(nn.Module):
             nn.Linear(units + 2 * fused + 2 + 4 + likeness, 64), nn.ReLU(), nn.Linear(64, 1)
         )
         centres = (torch.arange(grid) + 0.5) / grid * REGRESSION_SCALE
-        self.register_buffer("centres", centres, persistent=False)
+        x_and_y = torch.stack(torch.meshgrid(centres, centres, indexing="xy"), dim=2)
+        self.register_buffer("centres", x_and_y.reshape(-1, 2), persistent=False)
         self._initialise()
 
     def _initialise(self) -> None:
@@ -279,9 +278,9 @@ class LiteHead(nn.Module):
         Returns:
             `[N, C, V, V]`, `LiteConfig.view` times as wide as the box.
         """
-        low, high = corners.chunk(2, dim=1)
-        middle = (low + high) / 2 / REGRESSION_SCALE
-        half = ((high - low) / REGRESSION_SCALE).clamp(min=SMALLEST_VIEW) / 2 * self.config.view
+        low, high = (corners * (0.5 / REGRESSION_SCALE)).split(2, dim=1)
+        middle = low + high
+        half = (high - low).clamp(min=SMALLEST_VIEW / 2) * self.config.view
         regions = torch.cat([middle - half, middle + half], dim=1)
         return sample_region(embedding, regions, self.config.view_cells)
 
@@ -322,14 +321,12 @@ class LiteHead(nn.Module):
         self, fused: Tensor, recurrent: Tensor, view: Tensor, embedding: Tensor, template: Tensor
     ) -> LiteOutput:
         """Corners and score from the LSTM's output `[N, units]` and what `look` saw and gave."""
-        scale, shift = self.modulate(recurrent)[:, :, None, None].chunk(2, dim=1)
+        modulation = self.modulate(recurrent).reshape(-1, 2 * self.config.fused, 1, 1)
+        scale, shift = modulation.split(self.config.fused, dim=1)
         refined = self.refine(fused * (1 + scale) + shift)
         logits = self.heat(refined)
-        heat = logits.flatten(2).softmax(dim=2).unflatten(2, logits.shape[2:])  # [N, 2, G, G]
-        x = (heat.sum(dim=2) * self.centres).sum(dim=2)  # [N, 2]
-        y = (heat.sum(dim=3) * self.centres).sum(dim=2)
-        corners = torch.stack([x[:, 0], y[:, 0], x[:, 1], y[:, 1]], dim=1)
-        corners = corners + self.residual(recurrent)
+        heat = logits.reshape(-1, 2, self.config.grid**2).softmax(dim=2)  # [N, 2, G * G]
+        corners = (heat @ self.centres).reshape(-1, 4) + self.residual(recurrent)
         found = self.view(embedding, corners.detach())
         inside = self.object_part(found)
         evidence = torch.cat(
@@ -337,8 +334,8 @@ class LiteHead(nn.Module):
                 recurrent,
                 refined.mean(dim=(2, 3)),
                 refined.amax(dim=(2, 3)),
-                torch.log(heat.amax(dim=(2, 3)) + 1e-6),
-                corners.detach() / REGRESSION_SCALE,
+                torch.log(heat.amax(dim=2) + 1e-6),
+                corners.detach() * (1 / REGRESSION_SCALE),
                 (inside * template).mean(dim=1).flatten(1),
                 (inside * self.object_part(view)).mean(dim=1).flatten(1),
             ],
@@ -348,9 +345,10 @@ class LiteHead(nn.Module):
 
     def forward(self, embedding: Tensor, state: LiteState) -> tuple[LiteOutput, LiteState]:
         """One step of N objects from their crops' embeddings; the state goes in and comes out."""
-        started = state.started[:, :, None, None]
-        view = started * state.view + (1 - started) * self.first_view(embedding)
-        template = started * state.template + (1 - started) * self.object_part(view)
+        started = state.started.reshape(-1, 1, 1, 1)
+        begins = 1 - started  # what is remembered is zero then
+        view = state.view + begins * self.first_view(embedding)
+        template = state.template + begins * self.object_part(view)
         fused, features = self.look(view, embedding, template)
         recurrent, (first, second) = self.lstm(
             features,
@@ -367,8 +365,8 @@ class LiteHead(nn.Module):
             lstm2_cell=second.cell,
             template=template,
             # In the first frame the box given counts, not the one found.
-            view=started * output.view + (1 - started) * view,
-            started=torch.ones_like(state.started),
+            view=started * output.view + begins * view,
+            started=state.started.clamp(min=1),
         )
         return output, new_state
 
@@ -408,7 +406,7 @@ def _three(maps: Maps) -> Features:
 
 
 def _middle(maps: Tensor, cells: int) -> Tensor:
-    start = (maps.shape[-1] - cells) // 2
+    start = (int(maps.shape[-1]) - cells) // 2
     return maps[:, :, start : start + cells, start : start + cells]
 
 
