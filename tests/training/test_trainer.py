@@ -2,6 +2,7 @@
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ import torch
 from tiny import SMALL as TINY
 
 from re3.data.augment import AugmentedClip
-from re3.data.clip import Origin, RecordedClip
+from re3.data.clip import MirroredClip, Origin, RecordedClip
 from re3.geometry import decode, search_region
 from re3.network.re3_lite import Re3Lite
 from re3.training.device import Device
@@ -93,11 +94,59 @@ def test_a_lost_track_may_stay_lost(sampler, trunk):
     assert not rollout.has_box.reshape(4, 2)[3].any()
 
 
-def test_own_predictions_move_the_crops(sampler, trunk):
+def drifting_network():
+    """A network that always sees the object a little further right."""
     network = tiny_network()
-    with torch.no_grad():  # a network that always sees the object a little further right
+    with torch.no_grad():
         network.head.residual.bias.copy_(torch.tensor([-1.6667, -1.6667, 1.6667, 1.6667]) + 0.3)
-    clips, rollout = roll(sampler, [True, False], trunk, network)
+    return network
+
+
+def roll_where_it_leaves(trunk, own, absent, steps, network, mirrored=False):
+    """The roll-out of a clip of one noisy picture, in some frames of which there is no object."""
+    image = np.random.default_rng(0).integers(0, 100, (60, 80, 3), dtype=np.uint8)
+    boxes = np.tile([30.0, 20.0, 46.0, 36.0], (steps, 1))
+    boxes[absent] = np.nan
+    clip = RecordedClip([image] * steps, boxes, (255.0,) * 3)
+    clip = MirroredClip(clip) if mirrored else clip
+    rng = np.random.default_rng(0)
+    with ThreadPoolExecutor(1) as pool:
+        return roll_out([clip], np.array([own]), network, trunk, QUIET, rng, pool)
+
+
+@pytest.mark.parametrize("own", [True, False])
+def test_own_predictions_go_on_where_the_object_is_absent(trunk, own):
+    rollout = roll_where_it_leaves(trunk, own, slice(2, 7), 7, drifting_network())
+    assert rollout.has_box.tolist() == [1, 1, 0, 0, 0, 0, 0]
+    assert (rollout.targets[2:] == 0).all()
+    moved = [not np.array_equal(a, b) for a, b in pairwise(rollout.images[2:])]
+    assert moved == [own] * 4  # crops at the truth stay where the object was last
+    assert rollout.put_back == 0
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_own_predictions_stay_within_the_frame(trunk, mirrored):
+    network = drifting_network()
+    with torch.no_grad():
+        network.head.residual.bias.add_(0.5)
+    rollout = roll_where_it_leaves(trunk, True, slice(2, 30), 30, network, mirrored)
+    outside = (rollout.images == 255).all(axis=3).mean(axis=(1, 2))
+    assert outside[0] == 0
+    assert outside[-1] > 0.4  # at a corner of the frame
+    assert outside.max() < 0.8  # never beyond it
+
+
+def test_a_track_is_put_back_where_the_object_comes_back_elsewhere(trunk):
+    network = drifting_network()
+    with torch.no_grad():
+        network.head.residual.bias.add_(0.5)
+    rollout = roll_where_it_leaves(trunk, True, slice(2, 12), 15, network)
+    assert rollout.has_box[12:].tolist() == [0, 1, 1]
+    assert rollout.put_back > 0
+
+
+def test_own_predictions_move_the_crops(sampler, trunk):
+    clips, rollout = roll(sampler, [True, False], trunk, drifting_network())
     targets = rollout.targets.reshape(4, 2, 4).numpy()
     for n, moves in ((0, True), (1, False)):
         at_truth = search_region(clips[n].boxes_xyxy[2], TINY.current.context)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from re3.data.checks import check_at_least_zero, check_probabilities
 from re3.data.clip import Clip, Origin
+from re3.geometry import Floats
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,10 @@ class AugmentedClip:
         self._quality = int(rng.integers(25, 80)) if rng.random() < config.jpeg else 0
         self._streaks = np.where(rng.random(frames) < config.motion_blur, rng.uniform(3, 11), 0.0)
         self._angles = rng.uniform(0, np.pi, frames)
+
+    @property
+    def frame_xyxy(self) -> Floats:
+        return self.clip.frame_xyxy
 
     def crop(self, frame: int, region_xyxy: ArrayLike, size: int) -> NDArray[np.uint8]:
         image = self.clip.crop(frame, region_xyxy, size)

@@ -59,6 +59,11 @@ class Clip(Protocol):
     visible: Floats
     leaps: bool
 
+    @property
+    def frame_xyxy(self) -> Floats:
+        """`[4]`, the whole frame in pixels of the clip."""
+        ...
+
     def crop(self, frame: int, region_xyxy: ArrayLike, size: int) -> NDArray[np.uint8]:
         """Cut a region of a frame out, warped to uint8 `[size, size, 3]` BGR."""
         ...
@@ -87,6 +92,11 @@ class RecordedClip:
         self.visible = np.where(np.isnan(self.boxes_xyxy[:, 0]), 0.0, 1.0)
         self.fill = fill
 
+    @property
+    def frame_xyxy(self) -> Floats:
+        height, width = self.frames[0].shape[:2]
+        return np.array([0.0, 0.0, width, height])
+
     def crop(self, frame: int, region_xyxy: ArrayLike, size: int) -> NDArray[np.uint8]:
         return geometry.crop(self.frames[frame], region_xyxy, size, self.fill)
 
@@ -99,6 +109,10 @@ class MirroredClip:
         self.boxes_xyxy = _mirror(clip.boxes_xyxy)
         self.visible = clip.visible
         self.leaps = clip.leaps
+
+    @property
+    def frame_xyxy(self) -> Floats:
+        return _mirror(self.clip.frame_xyxy)
 
     def crop(self, frame: int, region_xyxy: ArrayLike, size: int) -> NDArray[np.uint8]:
         mirrored = _mirror(np.asarray(region_xyxy, dtype=np.float64))

@@ -5,7 +5,7 @@ Coordinates of pictures and scenes are at pixel corners, as everywhere in re3.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -48,21 +48,31 @@ class Layer:
     Attributes:
         looks: one for all frames, or one a frame, all of the same size.
         paths: float64 `[T, 2, 3]`, picture to scene, in pixel-corner coordinates.
+        shown: `[T]`, False where it is not there at all; None where it always is.
     """
 
     looks: list[Look]
     paths: Floats
+    shown: NDArray[np.bool_] | None = None
 
     def look(self, frame: int) -> Look:
         return self.looks[frame if len(self.looks) > 1 else 0]
 
     def boxes_xyxy(self) -> Floats:
-        """Box of the opaque part in every frame, `[T, 4]` in scene pixels."""
+        """Box of the opaque part in every frame, `[T, 4]` in scene pixels; NaN where not shown."""
         boxes = np.empty((len(self.paths), 4))
         for frame, path in enumerate(self.paths):
             points = self.look(frame).hull @ path[:, :2].T + path[:, 2]
             boxes[frame] = *points.min(axis=0), *points.max(axis=0)
+        if self.shown is not None:
+            boxes[~self.shown] = np.nan
         return boxes
+
+    def moved(self, offsets: Floats) -> Layer:
+        """The same moved by `[T, 2]` scene pixels."""
+        paths = self.paths.copy()
+        paths[:, :, 2] += offsets
+        return replace(self, paths=paths)
 
 
 class Scene:
@@ -95,6 +105,10 @@ class Scene:
         self.boxes_xyxy = _inside(layers[target].boxes_xyxy(), size)
         self.visible = np.array([self._visible(t) for t in range(len(self.boxes_xyxy))])
 
+    @property
+    def frame_xyxy(self) -> Floats:
+        return np.array([0.0, 0.0, *self.size])
+
     def crop(self, frame: int, region_xyxy: ArrayLike, size: int) -> NDArray[np.uint8]:
         return self.render(frame, region_xyxy, size, size)
 
@@ -106,6 +120,8 @@ class Scene:
         scene_to_crop = geometry.crop_transform(region, width, height)
         canvas = self._background(frame, scene_to_crop, width, height)
         for layer in self.layers[1:]:
+            if layer.shown is not None and not layer.shown[frame]:
+                continue
             _blend(canvas, layer.look(frame), _to_crop(layer.paths[frame], scene_to_crop))
         self._blank_outside(canvas, region)
         return canvas

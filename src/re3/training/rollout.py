@@ -111,7 +111,9 @@ def roll_out(
 
     Args:
         clips: N clips of equal length; the object is present in the first frame.
-        own: `[N]`, True where crops are cut at the network's own predictions.
+        own: `[N]`, True where crops are cut at the network's own predictions. These go on by
+            themselves while the object is absent, within the frame as the tracker keeps them; the
+            others stay where the object was last.
         network: decides where it looks next.
         trunk: of the network, on its device.
         noise: disturbance of the crops.
@@ -178,7 +180,7 @@ def roll_out(
             predicted = geometry.decode(corners.float().cpu().numpy(), regions)
             usable = own & (_usable(predicted, truth[:, t], centre) | (stays & _sane(predicted)))
             put_back += int((own & ~usable).sum())
-            boxes = np.where(usable[:, None], predicted, boxes)
+            boxes = np.where(usable[:, None], _kept_inside(predicted, clips), boxes)
     return Rollout(
         images=np.concatenate(images),
         crops=_stack(maps),
@@ -256,6 +258,18 @@ def _usable(predicted: Floats, truth: Floats, centre: Floats) -> NDArray[np.bool
         near = (np.abs(centre - 0.5) < REACH / 2).all(axis=1)
         alike = np.abs(np.log(area / true_area)) < np.log(SWELL)
     return _sane(predicted) & ((near & alike) | np.isnan(true_area))
+
+
+def _kept_inside(predicted: Floats, clips: Several[Clip]) -> Floats:
+    """Predictions as the tracker keeps them: their centre within the frame."""
+    frames = np.stack([clip.frame_xyxy for clip in clips])
+    origin = np.tile(frames[:, :2], 2)
+    sizes = frames[:, 2:] - frames[:, :2]
+    inside = [
+        geometry.clip_inside(box, width, height)
+        for box, (width, height) in zip(predicted - origin, sizes, strict=True)
+    ]
+    return np.stack(inside) + origin
 
 
 def _stack(maps: list[Maps]) -> Maps:
