@@ -13,7 +13,7 @@ pytest.importorskip("yaml", reason="mixes need PyYAML (the train extra)")
 from re3.data.frame_store import FrameStore
 from re3.data.mix import mix_sampler, read_mix
 from re3.data.sampling import ClipSampler, SamplingConfig, Source
-from re3.data.simulator import PAPER_SIMULATION, SimulationConfig
+from re3.data.simulation_config import PAPER_SIMULATION, SimulationConfig
 from re3.data.stills import SMALLEST_SHARE
 
 
@@ -115,7 +115,7 @@ def test_what_is_said_is_what_is_set(data):
               - {path: dogs, kind: stills, smallest_share: 0.05}
             sampling: {mirrored: 0, reversed: 1.0, strides: [1, 2], smallest: 8}
             photometric: {grey: 1e-1, noise: 0.5}
-            simulation: {occluders: 2, speed: [0.01, 0.5], fill: [1, 2, 3]}
+            simulation: {occluders: 2, speed: [0.01, 0.5], fill: [1, 2, 3], leaves_by: [walks]}
             """,
         )
     )
@@ -128,7 +128,7 @@ def test_what_is_said_is_what_is_set(data):
     # YAML takes 1e-1 for a text.
     assert (sampling.photometric.grey, sampling.photometric.noise) == (0.1, 0.5)
     assert sampling.simulation == SimulationConfig(
-        occluders=2.0, speed=(0.01, 0.5), fill=(1.0, 2.0, 3.0)
+        occluders=2.0, speed=(0.01, 0.5), fill=(1.0, 2.0, 3.0), leaves_by=("walks",)
     )
 
 

@@ -3,50 +3,15 @@
 import json
 from dataclasses import replace
 
-import cv2
 import numpy as np
 import pytest
 
 from re3.data.augment import AugmentedClip, PhotometricConfig
 from re3.data.clip import MirroredClip, RecordedClip
-from re3.data.simulator import SimulationConfig, simulate
+from re3.data.simulation_config import SimulationConfig
+from re3.data.simulator import simulate
 from re3.data.still_formats import read_stills
 from re3.geometry import search_region
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    """Six pictures: a bright disc with a mask, or a box without one, on dark noise."""
-    folder = tmp_path_factory.mktemp("stills")
-    rng = np.random.default_rng(0)
-    lines = []
-    for index in range(6):
-        image = rng.integers(0, 80, (120, 160, 3), dtype=np.uint8)
-        mask = np.zeros((120, 160), np.uint8)
-        if index % 2:
-            cv2.circle(mask, (80, 60), 25, 255, -1)
-        else:
-            mask[35:85, 55:105] = 255
-        image[mask > 0] = (40, 200, 250)
-        cv2.imwrite(str(folder / f"{index}.png"), image)
-        cv2.imwrite(str(folder / f"{index}-mask.png"), mask)
-        lines.append(
-            {
-                "image": f"{index}.png",
-                "mask": f"{index}-mask.png" if index % 2 else None,
-                "width": 160,
-                "height": 120,
-                "objects": [{"label": "thing", "box_xywh": [55, 35, 50, 50]}],
-            }
-        )
-    (folder / "boxes.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
-    return folder
-
-
-@pytest.fixture(scope="module")
-def stills(folder):
-    return read_stills(folder)
-
 
 CALM = SimulationConfig(occluders=0.0, twin=0.0, other=0.0, foreign=0.0, object_pixels=(40.0, 60.0))
 
@@ -85,6 +50,26 @@ def test_the_same_seed_gives_the_same_scene(stills):
     assert not np.array_equal(a.boxes_xyxy, c.boxes_xyxy)
     region = (0, 0, *a.size)
     np.testing.assert_array_equal(a.crop(3, region, 64), b.crop(3, region, 64))
+
+
+@pytest.mark.parametrize(
+    ("seed", "frames", "leap", "box", "layers", "mean", "next_draw"),
+    [
+        (0, 9, 1, (89.11, 55.34, 126.10, 81.62), 2, 51.1, 119236),
+        (1, 16, 1, (255.10, 47.58, 429.48, 223.69), 2, 59.4, 898234),
+        (2, 5, 20, (10.00, 43.04, 38.98, 75.88), 3, 57.6, 828565),  # leaps
+        (3, 2, 1, (13.86, 24.87, 39.51, 50.89), 2, 63.4, 85649),
+    ],
+)
+def test_scenes_are_what_they_were_before_objects_could_leave(
+    stills, seed, frames, leap, box, layers, mean, next_draw
+):
+    rng = np.random.default_rng(seed)
+    scene = simulate(stills, frames, rng, leap=leap)
+    np.testing.assert_allclose(scene.boxes_xyxy[-1], box, atol=0.006)
+    assert len(scene.layers) == layers
+    assert scene.crop(frames - 1, (0, 0, *scene.size), 32).mean() == pytest.approx(mean, abs=0.2)
+    assert rng.integers(10**6) == next_draw  # no number more was drawn
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -35,7 +35,7 @@ from re3.data.formats.files import dataset_name
 from re3.data.frame_store import FrameStore
 from re3.data.sampling import ClipSampler, SamplingConfig, Source
 from re3.data.sequence import Sequence
-from re3.data.simulator import PAPER_SIMULATION, SimulationConfig
+from re3.data.simulation_config import PAPER_SIMULATION, SimulationConfig
 from re3.data.still_formats import read_stills
 from re3.data.stills import SMALLEST_SHARE, Still
 

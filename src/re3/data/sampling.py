@@ -15,7 +15,8 @@ from re3.data.clip import Clip, Kind, MirroredClip, Origin, RecordedClip
 from re3.data.frame_store import FrameStore
 from re3.data.scene import Scene
 from re3.data.sequence import Sequence
-from re3.data.simulator import SimulationConfig, simulate
+from re3.data.simulation_config import SimulationConfig
+from re3.data.simulator import simulate
 from re3.data.stills import Still
 from re3.geometry import Floats, convert
 

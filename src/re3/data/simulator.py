@@ -2,93 +2,24 @@
 
 A scene is a stack of layers: a background that the camera pans over, look-alikes behind the
 object, the object, occluders before it. Each layer has an affine path; speed, direction, scale
-and aspect ratio wander with Gaussian noise. Crops are rendered directly from the layers, so that
-only pixels that are looked at cost anything.
+and aspect ratio wander with Gaussian noise. In some clips the object leaves (`re3.data.leaving`).
+Crops are rendered directly from the layers, so that only pixels that are looked at cost anything.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence as Several
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from re3.data.bending import bend, with_margin
-from re3.data.checks import (
-    check_at_least_zero,
-    check_colour,
-    check_probabilities,
-    check_ranges,
-)
+from re3.data.leaving import chance_of_leaving, draw_absence, hide_behind, move_out
 from re3.data.scene import Layer, Look, Scene
+from re3.data.simulation_config import SimulationConfig
 from re3.data.stills import Still
 from re3.geometry import Floats
-
-
-@dataclass(frozen=True)
-class SimulationConfig:
-    """What scenes are drawn. Lengths are in units of the object's size unless in pixels.
-
-    Attributes:
-        object_pixels: range of the object's size (root of its area) in pixels of the scene.
-        room: range of the least width and height of the scene.
-        speed: range, log-uniform, of the standard deviation of a clip's speed, per frame.
-        turning: share of that speed by which the velocity changes each frame.
-        scaling, stretching: standard deviation per frame of log scale and log aspect ratio.
-        spinning: standard deviation per frame of the rotation, radians; masked objects only.
-        bent: probability that a masked object changes its shape.
-        bending: mean amplitude of those changes.
-        camera: range, log-uniform, of the camera's speed, per frame.
-        occluders: mean number of occluders for a clip of 8 frames or more; half for shorter ones.
-        other_occluders: probability that an occluder is an object of any picture; else it is a
-            random patch of the object's own, as in the paper.
-        twin: probability of a copy of the object moving beside it.
-        other: probability of another object in the scene.
-        foreign: probability of a background from another picture.
-        fill: BGR colour outside the scene.
-    """
-
-    object_pixels: tuple[float, float] = (14.0, 200.0)
-    room: tuple[float, float] = (2.0, 7.0)
-    speed: tuple[float, float] = (0.005, 0.35)
-    turning: float = 0.35
-    scaling: float = 0.035
-    stretching: float = 0.035
-    spinning: float = 0.03
-    bent: float = 0.6
-    bending: float = 0.05
-    camera: tuple[float, float] = (0.003, 0.2)
-    occluders: float = 1.0
-    other_occluders: float = 0.5
-    twin: float = 0.15
-    other: float = 0.25
-    foreign: float = 0.3
-    fill: tuple[float, float, float] = (127.0, 127.0, 127.0)
-
-    def __post_init__(self) -> None:
-        check_ranges(self, ("object_pixels", "room", "speed", "camera"))
-        check_at_least_zero(
-            self, ("turning", "scaling", "stretching", "spinning", "bending", "occluders")
-        )
-        check_probabilities(self, ("bent", "other_occluders", "twin", "other", "foreign"))
-        check_colour(self, "fill")
-
-
-PAPER_SIMULATION = SimulationConfig(
-    scaling=0.0,
-    spinning=0.0,
-    bent=0.0,
-    camera=(0.003, 0.003),
-    other_occluders=0.0,
-    twin=0.0,
-    other=0.0,
-    foreign=0.0,
-)
-"""What the paper describes: object, background and occluders of one picture, rigid, that change in
-speed, direction and aspect ratio. It gives no figures for those: they are ours, and so is the
-camera, which here hardly moves."""
 
 FINEST_PIXELS = 110.0
 """Layers are kept at no more pixels per object: crops show the object at 64."""
@@ -129,13 +60,16 @@ class _SceneBuilder:
 
     def build(self) -> Scene:
         rng, config = self.rng, self.config
+        way = self._draw_way()
         still = self._pick()
         picture, patch, alpha, masked = self._object_of(still)
         own_size = float(np.sqrt(patch.shape[0] * patch.shape[1]))
         self.unit = float(np.exp(rng.uniform(*np.log(config.object_pixels))))  # object, pixels
         self.resolution = min(1.0, FINEST_PIXELS / self.unit)
 
-        backdrop = self._pick().read() if rng.random() < config.foreign else picture
+        # Its own picture shows it a second time: it would stay behind where the object leaves.
+        foreign = rng.random() < config.foreign or way is not None
+        backdrop = self._pick().read() if foreign else picture
         zoom = self.unit / own_size * np.exp(rng.normal(0.0, 0.35))
         # Objects fill stills more than they fill frames: leave room to move, reflect what lacks.
         room = rng.uniform(*config.room) * self.unit
@@ -161,7 +95,26 @@ class _SceneBuilder:
         mean = config.occluders * (1.0 if self.frames > 8 else 0.5)
         for _ in range(min(int(rng.poisson(mean)), 3)):
             layers.append(self._occluder(picture, centres))
+        if way is not None:
+            layers = self._leave(way, layers, position)
         return Scene(self.scene, layers, position, config.fill, bool(self.elapsed.max() > 1), still)
+
+    def _draw_way(self) -> str | None:
+        """How the object leaves; None where it does not. Draws nothing where it never does."""
+        chance = chance_of_leaving(self.config.leaves, self.frames)
+        if not chance or self.rng.random() >= chance:
+            return None
+        return self.config.leaves_by[int(self.rng.integers(len(self.config.leaves_by)))]
+
+    def _leave(self, way: str, layers: list[Layer], target: int) -> list[Layer]:
+        """The layers of a scene that the object leaves."""
+        leaps = bool(self.elapsed.max() > 1)
+        absence = draw_absence(self.frames, int(leaps), self.rng)
+        if way != "behind":
+            moving = range(len(layers)) if way == "camera" else (target,)
+            return move_out(layers, target, moving, self.scene, absence, self.rng)
+        cover = self._random_patch(self._pick().read())
+        return hide_behind(layers, target, cover, self.times, absence, self.resolution, self.rng)
 
     def _walk(self, step: float, *more: int) -> Floats:
         """A random walk `[T, *more]` with that standard deviation a frame."""
