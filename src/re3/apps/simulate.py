@@ -5,11 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
+import cv2
 import numpy as np
 import typer
 
 from re3.apps.console import failed, stderr
 from re3.apps.sequences import STILL_FORMAT_HELP
+from re3.data.leaving import MANY_FRAMES, WAYS
+from re3.data.simulation_config import SimulationConfig
+
+ANY = "any"
+"""What `--leaves` is for one of the ways, at random."""
 
 
 def simulate(
@@ -31,7 +37,17 @@ def simulate(
         str | None,
         typer.Option("--format", help=STILL_FORMAT_HELP, metavar="NAME", show_default=False),
     ] = None,
-    draw: Annotated[bool, typer.Option(help="Draw the object's box.")] = True,
+    leaves: Annotated[
+        str | None,
+        typer.Option(
+            help=f"Let the object go out of sight: {', '.join(WAYS)}, or any. Default: it stays.",
+            metavar="WAY",
+            show_default=False,
+        ),
+    ] = None,
+    draw: Annotated[
+        bool, typer.Option(help="Draw the object's box, and a red border where it is out of sight.")
+    ] = True,
 ) -> None:
     """Simulate a tracked object from still pictures: motion, camera, occluders, look-alikes.
 
@@ -39,6 +55,7 @@ def simulate(
 
         re3 simulate --stills pictures --out clip.mp4 --seed 3
     """
+    from re3.data.contact_sheet import ABSENT
     from re3.data.simulator import simulate as simulate_scene
     from re3.data.still_formats import read_stills
     from re3.geometry import convert
@@ -46,8 +63,9 @@ def simulate(
     from re3.video import VideoWriter, draw_results
 
     try:
+        config = SimulationConfig() if leaves is None else _leaving(leaves, frames)
         scene = simulate_scene(
-            read_stills(stills, format_name), frames, np.random.default_rng(seed)
+            read_stills(stills, format_name), frames, np.random.default_rng(seed), config
         )
         scale = width / scene.size[0]
         height = max(2, round(scene.size[1] * scale))
@@ -60,6 +78,8 @@ def simulate(
                     visible = float(scene.visible[t])
                     shown = Result((x, y, w, h), visible, Status.TRACKED, t, 0, "visible")
                     image = draw_results(image, [shown])
+                elif draw:
+                    cv2.rectangle(image, (0, 0), (width - 1, height - 1), ABSENT, 3)
                 writer.write(image)
         text = "".join(",".join(f"{v:.2f}" for v in box) + "\n" for box in boxes)
         out.with_suffix(".txt").write_text(text, encoding="utf-8")
@@ -69,3 +89,15 @@ def simulate(
         f"{out}: {frames} frames of {width} x {height}; boxes in {out.with_suffix('.txt')}",
         markup=False,
     )
+
+
+def _leaving(way: str, frames: int) -> SimulationConfig:
+    """Scenes that the object leaves."""
+    if way not in (*WAYS, ANY):
+        raise ValueError(f"--leaves is {way!r}; expected {', '.join(WAYS)} or {ANY}")
+    if frames <= MANY_FRAMES:
+        raise ValueError(
+            f"--leaves with --frames {frames}; expected {MANY_FRAMES + 1} frames or more, so that "
+            "there is time to go"
+        )
+    return SimulationConfig(leaves=1.0, leaves_by=WAYS if way == ANY else (way,))
