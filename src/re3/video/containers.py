@@ -11,6 +11,7 @@ from pathlib import Path
 import av
 import numpy as np
 from av.error import FFmpegError, InvalidDataError
+from av.video.reformatter import VideoReformatter
 from numpy.typing import NDArray
 
 from re3.video.base import Frame, SourceError, VideoSource
@@ -50,6 +51,7 @@ class ContainerSource(VideoSource):
         self.name = self._shown if self._live else Path(location).name
         self._container = self._open(location)
         self._decoded = 0
+        self._reformatter = VideoReformatter()
         self._start_time: float | None = None
         self._decoder = self._decode(start_frame)
         try:
@@ -136,7 +138,8 @@ class ContainerSource(VideoSource):
                 if self._start_time is None:
                     self._start_time = time
                 if index >= start_frame:
-                    yield Frame(_upright_bgr(frame), index, time - self._start_time)
+                    image = _upright_bgr(frame, self._reformatter)
+                    yield Frame(image, index, time - self._start_time)
         except FFmpegError as error:
             raise SourceError(self._why_broken(error)) from error
 
@@ -158,14 +161,16 @@ def without_password(location: str) -> str:
     return re.sub(r"(?<=://)[^/@]*@", "", location)
 
 
-def _upright_bgr(frame: av.VideoFrame) -> NDArray[np.uint8]:
+def _upright_bgr(frame: av.VideoFrame, reformatter: VideoReformatter) -> NDArray[np.uint8]:
     # Said in full, as PyAV before 17 takes all video for BT.601: pure red came out as (0, 0, 230).
-    image: NDArray[np.uint8] = frame.to_ndarray(  # type: ignore[assignment]
+    bgr = reformatter.reformat(
+        frame,
         format="bgr24",
         src_colorspace=frame.colorspace,
         src_color_range=frame.color_range,
         dst_color_range=FULL_RANGE,
     )
+    image: NDArray[np.uint8] = bgr.to_ndarray()  # type: ignore[assignment]
     if frame.rotation:  # phones record sideways and say so
         image = np.ascontiguousarray(np.rot90(image, round(frame.rotation / 90)))
     return image

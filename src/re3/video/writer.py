@@ -11,6 +11,7 @@ import av
 import cv2
 import numpy as np
 from av.error import FFmpegError
+from av.video.reformatter import VideoReformatter
 from numpy.typing import NDArray
 
 from re3.video.partial import PartialFile
@@ -53,6 +54,7 @@ class VideoWriter:
         self._rate = Fraction(fps).limit_denominator(100_000)
         self._partial: PartialFile | None = None
         self._within = False
+        self._reformatter = VideoReformatter()
 
     def __enter__(self) -> Self:
         self._within = True
@@ -80,14 +82,15 @@ class VideoWriter:
         pixels = _fit(image, self.size)
         if odd_width or odd_height:
             pixels = np.pad(pixels, ((0, odd_height), (0, odd_width), (0, 0)), mode="edge")
-        frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(pixels), format="bgr24")
+        # The frame lies on the pixels: to copy 1080p took as long as to turn it into yuv420p.
+        frame = av.VideoFrame.from_numpy_buffer(np.ascontiguousarray(pixels), format="bgr24")
         try:
             # Opened no earlier, so that nothing is left behind where tracking never starts.
             if self._partial is None:
                 self._partial = self._open()
             # Without a named colour space players guess by the size of the frame, some wrongly.
-            frame = frame.reformat(
-                format="yuv420p", dst_colorspace=BT709, dst_color_range=LIMITED_RANGE
+            frame = self._reformatter.reformat(
+                frame, format="yuv420p", dst_colorspace=BT709, dst_color_range=LIMITED_RANGE
             )
             frame.pts = self.frames_written
             frame.time_base = 1 / self._rate
