@@ -1,10 +1,13 @@
 """What the score is worth: how well it tells good boxes from failures, on annotated clips.
 
     python benchmarks/score.py ../shared/data/val
+    python benchmarks/score.py clips --hide 20
 
 Prints the area under the ROC curve for "overlap below 0.2", the calibration error, and, for
 candidate thresholds, which share of failures falls below each and of good boxes, and which share of
-losses is noticed within 10 frames. The thresholds of `re3.tracker` were chosen from this table.
+losses is noticed within 10 frames. Then the same for frames in which the object is not in sight:
+where the annotation says so, or, with `--hide N`, where something hides it for N frames. The
+thresholds of `re3.tracker` were chosen from the first of these tables.
 A loss is the first of five frames or more on end without overlap. The tracker does not search for
 what it has lost here, so that all models are judged on where they go by themselves.
 """
@@ -13,15 +16,19 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from re3.data.hiding import HiddenSequence, hide
 from re3.data.plain import read_folder
+from re3.data.sequence import Sequence
 from re3.evaluation.one_pass import run_one_pass
 from re3.evaluation.peers import find_tracker
 from re3.geometry import iou_xywh
 from re3.models import DEFAULT_MODEL
+from re3.tracker import LOST_BELOW, UNCERTAIN_BELOW
 
 FAILURE = 0.2
 """A box that overlaps the object by less than this is a failure."""
@@ -42,12 +49,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("data", nargs="+", type=Path)
     parser.add_argument("--model", default=DEFAULT_MODEL)
+    parser.add_argument("--hide", type=int, default=0, help="frames that each object is hidden for")
     arguments = parser.parse_args()
-    tracks = collect([s for d in arguments.data for s in read_folder(d)], arguments.model)
-    scores = np.concatenate([track[0] for track in tracks])
-    overlaps = np.concatenate([track[1] for track in tracks])
+    sequences = [s for d in arguments.data for s in read_folder(d)]
+    if arguments.hide:
+        sequences = hide(sequences, [arguments.hide])
+    tracks = collect(sequences, arguments.model)
+    scores = np.concatenate([track.scores for track in tracks])
+    overlaps = np.concatenate([track.overlaps for track in tracks])
+    absent = np.concatenate([track.absent for track in tracks])
     failed, good = overlaps < FAILURE, overlaps >= GOOD
-    losses = [(scores, start) for scores, overlaps in tracks for start in find_losses(overlaps)]
+    losses = [(track.scores, start) for track in tracks for start in find_losses(track.overlaps)]
     print(
         f"{len(tracks)} tracks, {len(scores)} boxes, {failed.mean():.1%} failures, "
         f"{good.mean():.1%} good, {len(losses)} losses"
@@ -64,10 +76,25 @@ def main() -> None:
             f"{threshold:9.2f}  {below[failed].mean():14.1%}  {np.mean(noticed):14.1%}  "
             f"{1000 * below[good].mean():20.1f}"
         )
+    if len(absent):
+        print(f"{len(absent)} boxes of objects that are not in sight")
+        both = np.concatenate([absent, scores[good]])
+        gone = np.arange(len(both)) < len(absent)
+        print(f"ROC AUC for not in sight against good: {roc_auc(-both, gone):.3f}")
+        for name, threshold in (("uncertain", UNCERTAIN_BELOW), ("lost", LOST_BELOW)):
+            print(f"below {threshold} ({name}): {(absent < threshold).mean():.1%} of them")
 
 
-def collect(sequences: list, model: str) -> list[tuple[Values, Values]]:
-    """Score and overlap of every box after the first that has a truth, track by track."""
+class Scores(NamedTuple):
+    """Of one track: scores and overlaps of boxes that have a truth, scores of those without."""
+
+    scores: Values
+    overlaps: Values
+    absent: Values
+
+
+def collect(sequences: list[Sequence], model: str) -> list[Scores]:
+    """Scores of every box after the first, track by track, without a search."""
     factory = find_tracker(f"{model}@no-search").factory
     assert factory is not None
     tracks = []
@@ -75,8 +102,13 @@ def collect(sequences: list, model: str) -> list[tuple[Values, Values]]:
         track = run_one_pass(factory, sequence)
         overlap = iou_xywh(track.boxes_xywh, sequence.boxes_xywh)
         known = np.isfinite(overlap)
+        absent = ~known
+        absent[: np.argmax(known)] = False
         known[np.argmax(known)] = False
-        tracks.append((track.scores[known], overlap[known]))
+        if isinstance(sequence, HiddenSequence):
+            absent[sequence.hidden_from : sequence.hidden_to] = True
+            known &= ~absent
+        tracks.append(Scores(track.scores[known], overlap[known], track.scores[absent]))
     return tracks
 
 

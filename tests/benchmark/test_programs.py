@@ -125,3 +125,27 @@ def test_no_difference_between_a_network_and_itself(tmp_path):
     assert same.shape == (33,)
     assert same.max() == 0
     assert moved > 0
+
+
+def test_scores_of_objects_out_of_sight_are_apart(tmp_path):
+    import numpy as np
+
+    from re3.data.hiding import HiddenSequence
+    from re3.data.plain import read_folder
+    from re3.video import VideoWriter
+
+    rng = np.random.default_rng(0)
+    picture = np.repeat(np.repeat(rng.integers(0, 256, (12, 16, 3)), 10, 0), 10, 1)
+    with VideoWriter(tmp_path / "clip.mp4", 30, (160, 120)) as writer:
+        for _ in range(8):
+            writer.write(picture.astype(np.uint8))
+    boxes = ["60,40,40,40"] * 8
+    boxes[5] = "nan,nan,nan,nan"
+    (tmp_path / "clip.txt").write_text("\n".join(boxes) + "\n")
+    score = program("score")
+    (sequence,) = read_folder(tmp_path)
+    (track,) = score.collect([sequence], "re3-lite")
+    assert [len(values) for values in track] == [6, 6, 1]  # the first frame is given
+    assert np.isfinite(track.overlaps).all()
+    (track,) = score.collect([HiddenSequence.of(sequence, 2, 4)], "re3-lite")
+    assert [len(values) for values in track] == [4, 4, 3]
