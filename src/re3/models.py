@@ -98,7 +98,7 @@ def find_weights(model: str | Path) -> Path:
         ValueError: an unknown name, or a model whose weights do not ship.
     """
     path = Path(model)
-    if path.suffix in (".onnx", ".safetensors"):
+    if path.suffix in (".onnx", ".safetensors", ".xml"):
         if not path.is_file():
             raise FileNotFoundError(f"model file {path} does not exist")
         return path
@@ -106,7 +106,7 @@ def find_weights(model: str | Path) -> Path:
     if str(model) not in cards:
         raise ValueError(
             f"unknown model {str(model)!r}; expected one of {', '.join(cards)}, "
-            "or the path of an .onnx or .safetensors file"
+            "or the path of an .onnx, .safetensors or OpenVINO .xml file"
         )
     weights = WEIGHTS / f"{model}.onnx"
     if not weights.is_file():

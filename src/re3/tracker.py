@@ -95,8 +95,8 @@ class MultiTracker:
 
     Args:
         model: name of a shipped model (`re3 models` lists them) or path of an exported file.
-        engine: "onnx-int8" (eight bits, the fastest), "onnx" or "torch" (full precision, the same
-            boxes), "auto" for the first that the model has, or an engine of your own.
+        engine: "onnx-int8" (eight bits), "onnx" or "torch" (full precision, the same boxes),
+            "openvino", "auto" for the first that the model has, or an engine of your own.
         threads: of the engine, and of cutting several crops; 0 takes one fewer than there are
             cores, 4 at most.
         search: look for an object that seems lost in a wider and wider area, six crops more a

@@ -51,25 +51,11 @@ def test_torch_and_onnx_give_the_same_boxes_over_a_clip():
             np.testing.assert_allclose(boxes[0], boxes[1], atol=0.5)
 
 
-def _plain_onnx(path):
-    onnx = pytest.importorskip("onnx", reason="writes an ONNX file that is not re3's")
-    tensor = onnx.helper.make_tensor_value_info
-    graph = onnx.helper.make_graph(
-        [onnx.helper.make_node("Relu", ["x"], ["y"])],
-        "plain",
-        [tensor("x", onnx.TensorProto.FLOAT, [1])],
-        [tensor("y", onnx.TensorProto.FLOAT, [1])],
-    )
-    opset = onnx.helper.make_opsetid("", 17)
-    onnx.save(onnx.helper.make_model(graph, opset_imports=[opset], ir_version=8), str(path))
-
-
 @pytest.mark.parametrize("engine", ["onnx", "torch"])
-def test_a_foreign_onnx_file_is_refused(tmp_path, engine):
+def test_a_foreign_onnx_file_is_refused(plain_onnx, engine):
     if engine == "torch":
         pytest.importorskip("torch", reason="the torch engine")
-    path = tmp_path / "plain.onnx"
-    _plain_onnx(path)
+    path = plain_onnx
     onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])  # it is sound
     with pytest.raises(ValueError, match=r"plain\.onnx .*carries no re3 description"):
         load_engine(str(path), engine)

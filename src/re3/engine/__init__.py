@@ -17,7 +17,7 @@ __all__ = [
     "zero_state",
 ]
 
-ENGINES = ("auto", "onnx-int8", "onnx", "torch")
+ENGINES = ("auto", "onnx-int8", "onnx", "openvino", "torch")
 
 
 def find_file(model: str | Path, engine: str = "auto") -> tuple[Path, str]:
@@ -31,7 +31,9 @@ def find_file(model: str | Path, engine: str = "auto") -> tuple[Path, str]:
         raise ValueError(f"unknown engine {engine!r}; expected one of {', '.join(ENGINES)}")
     path, eight_bits = find_weights(model), find_eight_bits(model)
     if engine == "auto" and eight_bits is None:
-        return path, "torch" if path.suffix == ".safetensors" else "onnx"
+        return path, {".safetensors": "torch", ".xml": "openvino"}.get(path.suffix, "onnx")
+    if engine == "openvino":
+        return eight_bits or path, engine
     if engine not in ("auto", "onnx-int8"):
         return path, engine
     if eight_bits is None:
@@ -48,16 +50,18 @@ def load_engine(model: str | Path, engine: str = "auto", threads: int = 0) -> En
     Args:
         model: name of a shipped model, or path of an .onnx or .safetensors file.
         engine: "onnx-int8" and "onnx", ONNX Runtime in eight bits and in full precision;
-            "torch", which gives the same boxes as "onnx"; or "auto": the first of these that the
-            model has files for.
+            "torch", which gives the same boxes as "onnx"; "openvino", in eight bits where there
+            is such a file; or "auto": the first of these that the model has files for.
         threads: for the engine; 0 takes one fewer than there are cores, 4 at most.
 
     Raises:
         FileNotFoundError: the model's file does not exist.
-        ImportError: torch is asked for but not installed.
+        ImportError: torch or OpenVINO is asked for but not installed.
         ValueError: unknown model or engine, or a file that the engine cannot run.
     """
     path, engine = find_file(model, engine)
+    if path.suffix == ".xml" and engine != "openvino":
+        raise ValueError(f"{path} is for OpenVINO; take the openvino engine, or an .onnx file")
     if engine == "torch":
         try:
             from re3.engine.torch_engine import TorchEngine
@@ -69,9 +73,18 @@ def load_engine(model: str | Path, engine: str = "auto", threads: int = 0) -> En
         return TorchEngine(path, threads)
     if path.suffix == ".safetensors":
         raise ValueError(
-            f"{path} holds weights only; the onnx engine expects an .onnx file: "
+            f"{path} holds weights only; the {engine} engine expects an exported file: "
             "write one with `re3 export`, or take the torch engine"
         )
+    if engine == "openvino":
+        try:
+            from re3.engine.openvino_engine import OpenVinoEngine
+        except ImportError as error:
+            raise ImportError(
+                f"the openvino engine needs OpenVINO ({error}); "
+                'pip install "re3[openvino]", or take the onnx engine'
+            ) from error
+        return OpenVinoEngine(path, threads)
     from re3.engine.onnx_engine import OnnxEngine
 
     return OnnxEngine(path, threads)

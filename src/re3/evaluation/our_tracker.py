@@ -19,7 +19,7 @@ from re3.engine import ENGINES, Engine, StepOutput, load_engine
 from re3.timed_tracker import TimedMultiTracker, TimeSpent
 
 _WITH_OPTIONS = re.compile(r"(?P<model>.+?)(?P<options>(?:@[a-z0-9-]+)*)")
-EXPECTED_OPTIONS = "onnx-int8, onnx, torch, no-reset, reset-N, no-search, threads-N"
+EXPECTED_OPTIONS = "onnx-int8, onnx, openvino, torch, no-reset, reset-N, no-search, threads-N"
 
 
 @dataclass(frozen=True)
