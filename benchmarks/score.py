@@ -6,8 +6,8 @@
 Prints the area under the ROC curve for "overlap below 0.2", the calibration error, and, for
 candidate thresholds, which share of failures falls below each and of good boxes, and which share of
 losses is noticed within 10 frames. Then the same for frames in which the object is not in sight:
-where the annotation says so, or, with `--hide N`, where something hides it for N frames. The
-thresholds of `re3.tracker` were chosen from the first of these tables.
+where the annotation says so, or, with `--hide N`, where something hides it for N frames. Last what
+is called uncertain or lost, by the rule of `re3.confidence`, whose values were chosen from this.
 A loss is the first of five frames or more on end without overlap. The tracker does not search for
 what it has lost here, so that all models are judged on where they go by themselves.
 """
@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from re3.confidence import USUAL_AT_FIRST, status_of, usual_after
 from re3.data.hiding import HiddenSequence, hide
 from re3.data.plain import read_folder
 from re3.data.sequence import Sequence
@@ -28,7 +29,7 @@ from re3.evaluation.one_pass import run_one_pass
 from re3.evaluation.peers import find_tracker
 from re3.geometry import iou_xywh
 from re3.models import DEFAULT_MODEL
-from re3.tracker import LOST_BELOW, UNCERTAIN_BELOW
+from re3.result import Status
 
 FAILURE = 0.2
 """A box that overlaps the object by less than this is a failure."""
@@ -57,7 +58,7 @@ def main() -> None:
     tracks = collect(sequences, arguments.model)
     scores = np.concatenate([track.scores for track in tracks])
     overlaps = np.concatenate([track.overlaps for track in tracks])
-    absent = np.concatenate([track.absent for track in tracks])
+    absent = np.concatenate([track.absent_scores for track in tracks])
     failed, good = overlaps < FAILURE, overlaps >= GOOD
     losses = [(track.scores, start) for track in tracks for start in find_losses(track.overlaps)]
     print(
@@ -81,16 +82,34 @@ def main() -> None:
         both = np.concatenate([absent, scores[good]])
         gone = np.arange(len(both)) < len(absent)
         print(f"ROC AUC for not in sight against good: {roc_auc(-both, gone):.3f}")
-        for name, threshold in (("uncertain", UNCERTAIN_BELOW), ("lost", LOST_BELOW)):
-            print(f"below {threshold} ({name}): {(absent < threshold).mean():.1%} of them")
+    print("called             failures  losses noticed  not in sight  good, of 1,000")
+    for name, worst in (("uncertain or lost", Status.TRACKED), ("lost", Status.UNCERTAIN)):
+        called = np.concatenate([_worse(track.statuses, worst) for track in tracks])
+        gone = np.concatenate([_worse(track.absent_statuses, worst) for track in tracks])
+        noticed = [
+            _worse(track.statuses[start : start + NOTICED_WITHIN], worst).any()
+            for track in tracks
+            for start in find_losses(track.overlaps)
+        ]
+        print(
+            f"{name:17}  {called[failed].mean():8.1%}  {np.mean(noticed):14.1%}  "
+            f"{gone.mean() if len(gone) else np.nan:12.1%}  {1000 * called[good].mean():14.1f}"
+        )
+
+
+def _worse(statuses: list[Status], than: Status) -> NDArray[np.bool_]:
+    order = list(Status)
+    return np.array([order.index(s) > order.index(than) for s in statuses], dtype=bool)
 
 
 class Scores(NamedTuple):
-    """Of one track: scores and overlaps of boxes that have a truth, scores of those without."""
+    """Of one track: of the boxes that have a truth, and of those where nothing is in sight."""
 
     scores: Values
+    statuses: list[Status]
     overlaps: Values
-    absent: Values
+    absent_scores: Values
+    absent_statuses: list[Status]
 
 
 def collect(sequences: list[Sequence], model: str) -> list[Scores]:
@@ -108,8 +127,26 @@ def collect(sequences: list[Sequence], model: str) -> list[Scores]:
         if isinstance(sequence, HiddenSequence):
             absent[sequence.hidden_from : sequence.hidden_to] = True
             known &= ~absent
-        tracks.append(Scores(track.scores[known], overlap[known], track.scores[absent]))
+        statuses = _statuses(track.scores)
+        tracks.append(
+            Scores(
+                track.scores[known],
+                [s for s, keep in zip(statuses, known, strict=True) if keep],
+                overlap[known],
+                track.scores[absent],
+                [s for s, keep in zip(statuses, absent, strict=True) if keep],
+            )
+        )
     return tracks
+
+
+def _statuses(scores: Values) -> list[Status]:
+    """What the tracker calls each box; NaN before the first is passed over."""
+    usual, statuses = USUAL_AT_FIRST, []
+    for score in scores:
+        statuses.append(status_of(score, usual))
+        usual = usual_after(usual, score)
+    return statuses
 
 
 def find_losses(overlaps: Values) -> list[int]:

@@ -15,7 +15,6 @@ from re3.engine import StepOutput
 from re3.model_spec import CropSpec, ModelSpec
 from re3.result import Status
 from re3.search import PLACES
-from re3.tracker import LOST_BELOW, UNCERTAIN_BELOW, status_of
 from re3.video import open_source
 
 PREVIOUS = CropSpec(context=2.0, size=16)
@@ -217,7 +216,7 @@ def test_only_lost_objects_cost_more_crops():
     tracker = re3.MultiTracker(engine=engine)
     tracker.add(noise(), BOX)
     tracker.update(noise())
-    engine.score = LOST_BELOW - 0.1
+    engine.score = 0.2
     tracker.update(noise(300, 400))
     tracker.update(noise(300, 400))
     crops = [len(current) for _, current, _ in engine.calls]
@@ -278,20 +277,19 @@ def test_the_box_is_always_finite_and_has_size(corners):
         assert (box[2:] > 0).all()
 
 
-@pytest.mark.parametrize(
-    ("score", "status"),
-    [
-        (1.0, Status.TRACKED),
-        (UNCERTAIN_BELOW, Status.TRACKED),
-        (UNCERTAIN_BELOW - 0.01, Status.UNCERTAIN),
-        (LOST_BELOW, Status.UNCERTAIN),
-        (LOST_BELOW - 0.01, Status.LOST),
-        (0.0, Status.LOST),
-        (np.nan, Status.TRACKED),  # a model without score
-    ],
-)
-def test_status(score, status):
-    assert status_of(score) is status
+def test_what_a_score_means_depends_on_what_it_usually_is():
+    statuses = []
+    for usual in (0.95, 0.55):
+        engine = Counter(score=usual)
+        tracker = re3.Tracker(engine=engine, search=False)
+        tracker.init(noise(), BOX)
+        for _ in range(60):
+            tracker.update(noise())
+        again = re3.Tracker(engine=engine, search=False)
+        again.load_state(tracker.save_state())  # it is part of the state
+        engine.score = 0.5
+        statuses.append([one.update(noise()).status for one in (tracker, again)])
+    assert statuses == [[Status.LOST] * 2, [Status.TRACKED] * 2]
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,6 @@ from re3.network.re3_lite import Re3Lite
 from re3.network.weights import load_network
 from re3.result import Result, Status
 from re3.search import places
-from re3.tracker import LOST_BELOW, SEARCH_BELOW, UNCERTAIN_BELOW
 from re3.video import draw_results, open_source
 from strips import GAP, PERSON, PERSON_CLIP, STRIPS, beside, find_clip, track, write
 
@@ -170,15 +169,14 @@ def scores(clips: Path) -> Figure:
             strip = STRIPS[name]
             first, last = strip.shown[0], strip.shown[-1]
             seen = track(find_clip(strip.clip, clips), strip.objects, first, last)
-            values = [result.score for _, (result,) in seen]
-            axes.plot(np.linspace(0, 1, len(values)), values, color=colour, label=label)
-        for level, text in (
-            (UNCERTAIN_BELOW, "UNCERTAIN below"),
-            (SEARCH_BELOW, "searched for below"),
-            (LOST_BELOW, "LOST below"),
-        ):
-            axes.axhline(level, color="#666666", linewidth=0.8, linestyle="--")
-            axes.text(0.005, level + 0.01, f"{text} {level}", fontsize=7, color="#444444")
+            values = np.array([result.score for _, (result,) in seen])
+            time = np.linspace(0, 1, len(values))
+            axes.plot(time, values, color=colour, label=label)
+            for status, marker in ((Status.UNCERTAIN, "|"), (Status.LOST, "x")):
+                called = [result.status is status for _, (result,) in seen]
+                axes.plot(time[called], values[called], marker, color="#222222", markersize=4)
+        for status, marker in ((Status.UNCERTAIN, "|"), (Status.LOST, "x")):
+            axes.plot([], [], marker, color="#222222", markersize=4, label=f"called {status}")
         axes.set(xlabel="time, as a share of the clip", ylabel="score", ylim=(0, 1), xlim=(0, 1))
         axes.legend(loc="lower left", bbox_to_anchor=(0.0, 0.02))
     return figure

@@ -7,7 +7,7 @@ from enum import Enum
 
 
 class Status(str, Enum):
-    """How far a reported box is to be believed; derived from the score (see `re3.tracker`)."""
+    """How far a reported box is to be believed; derived from the score (see `re3.confidence`)."""
 
     TRACKED = "tracked"
     UNCERTAIN = "uncertain"

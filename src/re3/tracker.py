@@ -12,6 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from re3 import geometry
+from re3.confidence import (
+    FOUND_FROM,
+    USUAL_AT_FIRST,
+    is_searched_for,
+    status_of,
+    usual_after,
+)
 from re3.engine import Engine, State, load_engine, zero_state
 from re3.engine.threads import usable_threads
 from re3.frames import as_bgr
@@ -19,26 +26,6 @@ from re3.geometry import Floats
 from re3.model_spec import CropSpec
 from re3.result import Result, Status
 from re3.search import places
-
-UNCERTAIN_BELOW = 0.5
-LOST_BELOW = 0.35
-"""Thresholds of the score, from `benchmarks/score.py` on val (33 clips, 2,328 boxes): below .5 were
-54 % of the failures (overlap under .2) and 5.9 % of the good boxes (overlap of .5 or more); below
-.35 12 % of the failures and 0.6 % of the good boxes, and in 1 of 5 losses a box within ten frames.
-A box that is not called lost may well be."""
-
-SEARCH_BELOW = 0.45
-FOUND_FROM = 0.6
-"""Below the first the object is searched for in the same frame, and taken from another place where
-the score is the second or more. Chosen on val, also with the protocol `hidden`: see
-docs/experiments.md."""
-
-
-def status_of(score: float) -> Status:
-    """Status of a box by its score; `TRACKED` for a model without score (NaN)."""
-    if score < LOST_BELOW:
-        return Status.LOST
-    return Status.UNCERTAIN if score < UNCERTAIN_BELOW else Status.TRACKED
 
 
 @dataclass
@@ -55,6 +42,7 @@ class _Track:
         result: of the frame last seen.
         trusted_xyxy: `[4]`, the latest box that was neither uncertain nor lost.
         searched_for: frames that the object has been searched for.
+        usual_score: what its score usually is (`re3.confidence`).
     """
 
     box_xyxy: Floats
@@ -65,6 +53,7 @@ class _Track:
     result: Result
     trusted_xyxy: Floats
     searched_for: int = 0
+    usual_score: float = USUAL_AT_FIRST
 
 
 class _Look(NamedTuple):
@@ -212,7 +201,7 @@ class MultiTracker:
         height, width = image.shape[:2]
         looks, whose = [], []
         for index, (track, sight) in enumerate(zip(tracks, seen, strict=True)):
-            if sight.score < SEARCH_BELOW:
+            if is_searched_for(sight.score, track.usual_score):
                 boxes = places(track.trusted_xyxy, track.searched_for + 1, width, height)
                 looks += [_Look(track, box, track.first_state) for box in boxes]
                 whose += [index] * len(boxes)
@@ -237,6 +226,7 @@ class MultiTracker:
             saved[prefix + "steps"] = np.array(track.steps)
             saved[prefix + "trusted_xyxy"] = track.trusted_xyxy.copy()
             saved[prefix + "searched_for"] = np.array(track.searched_for)
+            saved[prefix + "usual_score"] = np.array(track.usual_score)
             saved[prefix + "result"] = np.array(
                 [*result.box_xywh, result.score, result.frame_index], dtype=np.float64
             )
@@ -295,6 +285,7 @@ class MultiTracker:
             steps=int(saved[prefix + "steps"]),
             trusted_xyxy=np.array(saved[prefix + "trusted_xyxy"], np.float64),
             searched_for=int(saved[prefix + "searched_for"]),
+            usual_score=float(saved[prefix + "usual_score"]),
             result=Result(
                 box_xywh=(x, y, w, h),
                 score=score,
@@ -341,8 +332,10 @@ class MultiTracker:
             kept = {name: sight.state[name] for name in spec.kept_at_reset}
             track.state, track.steps = {**track.first_state, **kept}, 0
         track.box_xyxy = sight.box_xyxy
-        status = status_of(sight.score)
-        track.searched_for = track.searched_for + 1 if sight.score < SEARCH_BELOW else 0
+        status = status_of(sight.score, track.usual_score)
+        searching = is_searched_for(sight.score, track.usual_score)
+        track.searched_for = track.searched_for + 1 if searching else 0
+        track.usual_score = usual_after(track.usual_score, sight.score)
         if status is Status.TRACKED:
             track.trusted_xyxy = sight.box_xyxy
         track.previous_crop = self._crop_previous(image, sight.box_xyxy)

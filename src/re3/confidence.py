@@ -1,0 +1,49 @@
+"""From scores to statuses: what a score means depends on what the object's score usually is.
+
+Some objects are scored .9 as long as all is well, others, that bend or are small, .5. One threshold
+for both calls the second lost when it is not, or the first tracked when it is not.
+"""
+
+from __future__ import annotations
+
+from re3.result import Status
+
+USUAL_AT_FIRST = 0.75
+"""Taken for an object's usual score before any was seen."""
+
+RATE = 0.05
+"""Share of a new score in the usual one."""
+
+UNCERTAIN_SHARE = 0.75
+SEARCH_SHARE = 0.7
+LOST_SHARE = 0.6
+"""Shares of the usual score below which a box is uncertain, the object is searched for, and it is
+lost. Chosen, with the two values above, from what `benchmarks/score.py` prints on val, with objects
+hidden for 20 frames and without: docs/experiments.md. A box that is not called lost may well be."""
+
+FOUND_FROM = 0.6
+"""A place that a search comes past is taken where its score is this or more."""
+
+
+def status_of(score: float, usual: float = USUAL_AT_FIRST) -> Status:
+    """Status of a box by its score; `TRACKED` for a model without score (NaN).
+
+    Args:
+        score: of the box, expected overlap in 0..1.
+        usual: what the object's score usually is, see `usual_after`.
+    """
+    if score < LOST_SHARE * usual:
+        return Status.LOST
+    return Status.UNCERTAIN if score < UNCERTAIN_SHARE * usual else Status.TRACKED
+
+
+def is_searched_for(score: float, usual: float) -> bool:
+    """Whether an object is looked for at other places."""
+    return score < SEARCH_SHARE * usual
+
+
+def usual_after(usual: float, score: float) -> float:
+    """What the score usually is, after one more: a mean that forgets, without lost frames."""
+    if score >= LOST_SHARE * usual:
+        return (1 - RATE) * usual + RATE * score
+    return usual
