@@ -8,6 +8,7 @@ from re3.confidence import (
     SEARCH_SHARE,
     UNCERTAIN_SHARE,
     USUAL_AT_FIRST,
+    USUAL_AT_LEAST,
     is_searched_for,
     status_of,
     usual_after,
@@ -15,7 +16,7 @@ from re3.confidence import (
 from re3.result import Status
 
 
-@pytest.mark.parametrize("usual", [USUAL_AT_FIRST, 0.5])
+@pytest.mark.parametrize("usual", [USUAL_AT_FIRST, 0.9])
 @pytest.mark.parametrize(
     ("share", "status"),
     [
@@ -42,8 +43,11 @@ def test_an_object_is_searched_for_before_it_is_lost():
 def test_the_usual_score_follows_what_is_seen():
     usual = USUAL_AT_FIRST
     for _ in range(200):
+        usual = usual_after(usual, 0.9)
+    assert usual == pytest.approx(0.9, abs=0.01)
+    for _ in range(200):
         usual = usual_after(usual, 0.5)
-    assert usual == pytest.approx(0.5, abs=0.01)
+    assert usual == USUAL_AT_LEAST  # no more than so far
 
 
 @pytest.mark.parametrize("score", [0.1, np.nan])

@@ -279,7 +279,7 @@ def test_the_box_is_always_finite_and_has_size(corners):
 
 def test_what_a_score_means_depends_on_what_it_usually_is():
     statuses = []
-    for usual in (0.95, 0.55):
+    for usual in (0.95, 0.65):
         engine = Counter(score=usual)
         tracker = re3.Tracker(engine=engine, search=False)
         tracker.init(noise(), BOX)

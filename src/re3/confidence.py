@@ -1,6 +1,6 @@
 """From scores to statuses: what a score means depends on what the object's score usually is.
 
-Some objects are scored .9 as long as all is well, others, that bend or are small, .5. One threshold
+Some objects are scored .9 as long as all is well, others, that bend or are small, .6. One threshold
 for both calls the second lost when it is not, or the first tracked when it is not.
 """
 
@@ -11,12 +11,15 @@ from re3.result import Status
 USUAL_AT_FIRST = 0.75
 """Taken for an object's usual score before any was seen."""
 
+USUAL_AT_LEAST = 0.65
+"""What is usual is never less: boxes that creep off an object are scored lower and lower, too."""
+
 RATE = 0.05
 """Share of a new score in the usual one."""
 
 UNCERTAIN_SHARE = 0.75
 SEARCH_SHARE = 0.7
-LOST_SHARE = 0.6
+LOST_SHARE = 0.55
 """Shares of the usual score below which a box is uncertain, the object is searched for, and it is
 lost. Chosen, with the two values above, from what `benchmarks/score.py` prints on val, with objects
 hidden for 20 frames and without: docs/experiments.md. A box that is not called lost may well be."""
@@ -45,5 +48,5 @@ def is_searched_for(score: float, usual: float) -> bool:
 def usual_after(usual: float, score: float) -> float:
     """What the score usually is, after one more: a mean that forgets, without lost frames."""
     if score >= LOST_SHARE * usual:
-        return (1 - RATE) * usual + RATE * score
+        return max((1 - RATE) * usual + RATE * score, USUAL_AT_LEAST)
     return usual

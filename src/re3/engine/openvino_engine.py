@@ -1,4 +1,4 @@
-"""OpenVINO: an engine for Intel's processors, fast with many objects."""
+"""OpenVINO: an engine for Intel's processors."""
 
 from __future__ import annotations
 
