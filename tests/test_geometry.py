@@ -150,3 +150,11 @@ def test_clip_inside_is_finite_and_has_size(corners):
     assert np.isfinite(box).all()
     assert (box[2:] >= geometry.SMALLEST_SIDE - 1e-6).all()
     assert geometry.iou_xywh(box, (-1, -1, 102, 82)) > 0  # it touches the frame
+
+
+def test_sides_are_kept_near_those_of_another_box():
+    boxes = [[0, 0, 100, 10], [40, 40, 44, 80], [10, 10, 30, 30]]
+    near = geometry.sides_near(boxes, [0, 0, 20, 20], 1.5)
+    np.testing.assert_allclose(
+        near, [[35, -1.6666667, 65, 11.6666667], [35.3333333, 45, 48.6666667, 75], [10, 10, 30, 30]]
+    )

@@ -277,6 +277,20 @@ def test_the_box_is_always_finite_and_has_size(corners):
         assert (box[2:] > 0).all()
 
 
+@pytest.mark.parametrize("corners", [(0, 0, 10, 10), (4.9, 4.9, 5.1, 5.1)])
+def test_a_box_without_object_neither_grows_nor_shrinks_for_ever(corners):
+    engine = Counter(score=0.1, corners=corners)
+    tracker = re3.Tracker(engine=engine, search=False)
+    tracker.init(noise(), BOX)
+    for _ in range(10):
+        result = tracker.update(noise())
+    change = np.array(result.box_xywh[2:]) / BOX[2:]
+    np.testing.assert_allclose(change, 1.5 if corners[0] == 0 else 1 / 1.5)
+    engine.score = 0.9  # one that is sure may have any size
+    change = np.array(tracker.update(noise()).box_xywh[2:]) / BOX[2:]
+    assert (change > 2).all() or (change < 0.5).all()
+
+
 def test_what_a_score_means_depends_on_what_it_usually_is():
     statuses = []
     for usual in (0.95, 0.65):

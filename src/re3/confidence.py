@@ -24,6 +24,11 @@ LOST_SHARE = 0.55
 lost. Chosen, with the two values above, from what `benchmarks/score.py` prints on val, with objects
 hidden for 20 frames and without: docs/experiments.md. A box that is not called lost may well be."""
 
+SIDES_CHANGE = 1.5
+"""As long as it is uncertain or lost, a box has sides of at most so many times, and at least that
+part of, what they were when it was last tracked: boxes without an object would grow over the whole
+frame, and then the object is a speck in the crop when it comes back. Chosen on val."""
+
 FOUND_FROM = 0.6
 """A place that a search comes past is taken where its score is this or more."""
 

@@ -237,6 +237,19 @@ def clip_inside(boxes_xyxy: ArrayLike, width: float, height: float) -> Floats:
     return convert(boxes, "cxcywh", "xyxy")
 
 
+def sides_near(boxes_xyxy: ArrayLike, like_xyxy: ArrayLike, factor: float) -> Floats:
+    """Boxes about the same centres, no side of which differs from another box's by more.
+
+    Args:
+        boxes_xyxy, like_xyxy: `[..., 4]` in pixels, broadcast against each other.
+        factor: 1 or more; each side is brought to between 1 / factor and factor times the other's.
+    """
+    boxes = convert(boxes_xyxy, "xyxy", "cxcywh")
+    like = convert(like_xyxy, "xyxy", "cxcywh")[..., 2:]
+    boxes[..., 2:] = np.clip(boxes[..., 2:], like / factor, like * factor)
+    return convert(boxes, "cxcywh", "xyxy")
+
+
 def validate_box(box_xywh: ArrayLike, width: int, height: int) -> Floats:
     """Check a box given by a user against its frame.
 

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from re3 import geometry
 from re3.confidence import (
     FOUND_FROM,
+    SIDES_CHANGE,
     USUAL_AT_FIRST,
     is_searched_for,
     status_of,
@@ -331,20 +332,21 @@ class MultiTracker:
         if reset:
             kept = {name: sight.state[name] for name in spec.kept_at_reset}
             track.state, track.steps = {**track.first_state, **kept}, 0
-        track.box_xyxy = sight.box_xyxy
         status = status_of(sight.score, track.usual_score)
+        box = sight.box_xyxy
+        if status is not Status.TRACKED:
+            box = geometry.sides_near(box, track.trusted_xyxy, SIDES_CHANGE)
+        track.box_xyxy = box
         searching = is_searched_for(sight.score, track.usual_score)
         track.searched_for = track.searched_for + 1 if searching else 0
         track.usual_score = usual_after(track.usual_score, sight.score)
         if status is Status.TRACKED:
-            track.trusted_xyxy = sight.box_xyxy
-        track.previous_crop = self._crop_previous(image, sight.box_xyxy)
+            track.trusted_xyxy = box
+        track.previous_crop = self._crop_previous(image, box)
         if reset and spec.look_at_reset:
-            track.state = self._look_at_one_frame(
-                image, sight.box_xyxy, track.previous_crop, track.state
-            )
+            track.state = self._look_at_one_frame(image, box, track.previous_crop, track.state)
         track.result = Result(
-            box_xywh=_as_tuple(geometry.convert(sight.box_xyxy, "xyxy", "xywh")),
+            box_xywh=_as_tuple(geometry.convert(box, "xyxy", "xywh")),
             score=sight.score,
             status=status,
             frame_index=track.result.frame_index + 1,
