@@ -360,6 +360,19 @@ def test_a_video_is_dropped_onto_the_page_and_mistakes_are_told(new_page, tmp_pa
     until(page, "re3.stage.picture.width === 768")
 
 
+def test_a_file_chosen_before_the_server_has_answered_is_opened(new_page, tmp_path):
+    page = new_page()
+    held = []
+    page.route("**/api/about", lambda route: held.append(route))
+    page.goto("/")
+    (tmp_path / "no video.mp4").write_text("text")
+    page.locator("#file").set_input_files(tmp_path / "no video.mp4")
+    assert page.locator("#choose").is_disabled()
+    (asked,) = held
+    asked.continue_()
+    expect(page.locator("#banner")).to_contain_text("not one that can be tracked in")
+
+
 def test_a_session_that_ends_and_a_server_that_stops_are_told_of(new_page):
     with running_server() as url:
         page = new_page(at=url)

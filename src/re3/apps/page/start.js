@@ -35,6 +35,7 @@ export class StartScreen {
       document.body.classList.remove("over");
       this.fromFile(event.dataTransfer.files[0]);
     });
+    this.fromFile($("file").files[0]); // chosen before the server had answered
   }
 
   fromSample(name) {
