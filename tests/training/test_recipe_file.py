@@ -37,6 +37,7 @@ def test_a_recipe_written_is_read_back_the_same(file, name):
             replace(PAPER, plateau=replace(PAPER.plateau, patience=9)),
         ),
         ("learn_trunk: true", replace(FROZEN_TRUNK, learn_trunk=True)),
+        ("learns: [score]", replace(FROZEN_TRUNK, learns=("score",))),
         (
             "phases: [{unroll: 2, batch: 8, own: 0.5, iterations: 10}]",
             replace(FROZEN_TRUNK, phases=(Phase(2, 8, 0.5, 10),)),
@@ -58,6 +59,7 @@ def test_fields_change_the_base(file, text, expected):
         ),
         ("phases: [{unroll: 2, own: 0}]", r"phases\[0\] lacks batch, iterations"),
         ("phases: 3", "phases is 3; expected a list"),
+        ("learns: [3]", r"learns\[0\] is 3; expected a name"),
         ("phases: [3]", r"phases\[0\] is 3; expected keys and values"),
         ("passes: 1.5", "passes is 1.5; expected a whole number"),
         ("passes: true", "passes is True; expected a whole number"),

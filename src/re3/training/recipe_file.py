@@ -131,6 +131,10 @@ def _value(value: Any, kind: Any, where: str, base: Any) -> Any:
         if base is not None:
             return _changed(base, value, f"{where}.")
         return _made(kind, value, f"{where}.")
+    if kind is str:
+        if not isinstance(value, str):
+            raise ValueError(f"{where} is {_called(value)}; expected a name")
+        return value
     return _number(value, kind, where)
 
 
