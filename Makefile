@@ -40,7 +40,7 @@ docs: $(VENV)/.docs
 
 eval: $(VENV)/.report
 	$(BIN)/re3 eval $(SHARED_DATA)/val/davis $(SHARED_DATA)/val/segtrack $(SHARED_DATA)/test/otb \
-	    -t re3-lite -t kcf -t kcf-persistent -t csrt -t mosse -t medianflow -t first-box \
+	    -t re3-base -t re3-lite -t kcf -t kcf-persistent -t csrt -t mosse -t medianflow -t first-box \
 	    -t random-walk $(NANOTRACK) $(EVAL) --out out/eval
 	cp out/eval/report.md docs/benchmarks.md
 

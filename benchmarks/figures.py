@@ -27,8 +27,8 @@ it printed, which names the machine and the date. [Speed](speed.md) says what fo
 
 SECTIONS = {
     "bench": f"re3 bench --threads 1,2 --crop-sizes 96,144,192,240,288 --rounds 7 --plot {PLOT}",
-    "engines": "re3 bench --engines onnx-int8,openvino,onnx,torch --threads 2 --objects 1,10 "
-    "--rounds 7 --peers none",
+    "engines": "re3 bench -m re3-lite --engines onnx-int8,openvino,onnx,torch --threads 2 "
+    "--objects 1,10 --rounds 7 --peers none",
     "footprint": "python benchmarks/footprint.py",
     "limits": "python benchmarks/limits.py --model re3-lite --model FOLDER/paper.onnx "
     "--model FOLDER/paper-int8.onnx",

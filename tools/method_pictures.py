@@ -161,7 +161,7 @@ def scores(clips: Path) -> Figure:
         figure = new_figure(7.2, 3.2)
         axes = figure.add_subplot()
         labels = {
-            "spread": "person: the box spreads to the table",
+            "spread": "person: turns and walks off",
             "left": "car: drives out of the frame",
             "look-alike": "bottle: taken away and put back",
         }

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from re3 import geometry
 from re3.engine import Engine
+from re3.models import DEFAULT_MODEL
 from re3.result import Result, Status
 from re3.tracker import Tracker
 
@@ -84,7 +85,7 @@ class TrackerRe3:
     is wrong, not `cv2.error`.
 
     Args:
-        model, engine, threads, search: as of `re3.Tracker`.
+        model, engine, threads, search, mirror: as of `re3.Tracker`.
 
     Examples:
         >>> tracker = re3.TrackerRe3.create()  # was: cv2.TrackerCSRT.create()
@@ -94,13 +95,14 @@ class TrackerRe3:
 
     def __init__(
         self,
-        model: str = "re3-lite",
+        model: str = DEFAULT_MODEL,
         engine: str | Engine = "auto",
         *,
         threads: int = 0,
         search: bool = True,
+        mirror: bool | None = None,
     ) -> None:
-        self._tracker = Tracker(model, engine, threads=threads, search=search)
+        self._tracker = Tracker(model, engine, threads=threads, search=search, mirror=mirror)
         self._score = 0.0
 
     @classmethod

@@ -1,17 +1,19 @@
 """The named models: what there is, what ships, and what was measured of it.
 
 A shipped model has files in `re3/weights`: `<name>.onnx` in full precision, `<name>-int8.onnx`, the
-same in eight bits, and its card `<name>.json`.
+same in eight bits, and its card `<name>.json`. A model that mirrors another one has a card only.
 """
 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 WEIGHTS = Path(__file__).parent / "weights"
-DEFAULT_MODEL = "re3-lite"
+DEFAULT_MODEL = "re3-base"
+FAST_MODEL = "re3-lite"
+"""The one for many objects and slow processors."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,8 @@ class ModelCard:
         accuracy: what was measured, such as {"DAVIS AUC": 0.68}; empty where nothing was.
         speed_fps: tracked frames a second, one object, or None; on the machine the card names.
         details: everything else the card says: data, recipe, machine, commands, licence.
+        mirrors: name of the model whose network and files it uses, looking at each crop mirrored
+            as well (`re3.engine.mirrored`); empty for a model of its own.
     """
 
     name: str
@@ -39,9 +43,23 @@ class ModelCard:
     accuracy: dict[str, float] = field(default_factory=dict)
     speed_fps: float | None = None
     details: dict[str, object] = field(default_factory=dict)
+    mirrors: str = ""
+
+    @property
+    def files(self) -> str:
+        """The name that its files have."""
+        return self.mirrors or self.name
 
 
 _CATALOGUE = (
+    ModelCard(
+        name="re3-base",
+        description="the network of re3-lite looking twice, at each crop and its mirror image",
+        parameters=5_054_599,
+        crop_size=192,
+        shipped=True,
+        mirrors="re3-lite",
+    ),
     ModelCard(
         name="re3-lite",
         description="ours, sized for a CPU: spatial readout, EfficientNet-Lite0 trunk",
@@ -65,16 +83,12 @@ def list_models() -> list[ModelCard]:
 
 
 def _with_figures(card: ModelCard) -> ModelCard:
-    weights, written = WEIGHTS / f"{card.name}.onnx", WEIGHTS / f"{card.name}.json"
+    weights, written = WEIGHTS / f"{card.files}.onnx", WEIGHTS / f"{card.name}.json"
     if not card.shipped or not weights.is_file():
         return card
     details = json.loads(written.read_text(encoding="utf-8")) if written.is_file() else {}
-    return ModelCard(
-        name=card.name,
-        description=card.description,
-        parameters=card.parameters,
-        crop_size=card.crop_size,
-        shipped=True,
+    return replace(
+        card,
         size_bytes=(find_eight_bits(card.name) or weights).stat().st_size,
         accuracy=details.pop("accuracy", {}),
         speed_fps=details.pop("speed_fps", None),
@@ -82,11 +96,17 @@ def _with_figures(card: ModelCard) -> ModelCard:
     )
 
 
+def is_mirrored(model: str | Path) -> bool:
+    """Whether a named model looks at each crop mirrored as well."""
+    return any(card.name == str(model) and card.mirrors for card in _CATALOGUE)
+
+
 def find_eight_bits(model: str | Path) -> Path | None:
     """The file of a named model that computes in eight bits, where there is one."""
-    if str(model) not in {card.name for card in _CATALOGUE}:
+    cards = {card.name: card for card in _CATALOGUE}
+    if str(model) not in cards:
         return None
-    path = WEIGHTS / f"{model}-int8.onnx"
+    path = WEIGHTS / f"{cards[str(model)].files}-int8.onnx"
     return path if path.is_file() else None
 
 
@@ -108,7 +128,7 @@ def find_weights(model: str | Path) -> Path:
             f"unknown model {str(model)!r}; expected one of {', '.join(cards)}, "
             "or the path of an .onnx, .safetensors or OpenVINO .xml file"
         )
-    weights = WEIGHTS / f"{model}.onnx"
+    weights = WEIGHTS / f"{cards[str(model)].files}.onnx"
     if not weights.is_file():
         if cards[str(model)].shipped:
             raise ValueError(

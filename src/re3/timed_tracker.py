@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from re3.engine import Engine, StepOutput
 from re3.geometry import Floats
 from re3.model_spec import CropSpec
+from re3.models import DEFAULT_MODEL
 from re3.result import Result
 from re3.tracker import MultiTracker
 
@@ -49,13 +50,14 @@ class TimedMultiTracker(MultiTracker):
 
     def __init__(
         self,
-        model: str = "re3-lite",
+        model: str = DEFAULT_MODEL,
         engine: str | Engine = "auto",
         *,
         threads: int = 0,
         search: bool = True,
+        mirror: bool | None = None,
     ) -> None:
-        super().__init__(model, engine, threads=threads, search=search)
+        super().__init__(model, engine, threads=threads, search=search, mirror=mirror)
         self._network = _TimedEngine(self._engine)
         self._engine = self._network
         self._crop_seconds = 0.0

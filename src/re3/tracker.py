@@ -21,10 +21,12 @@ from re3.confidence import (
     usual_after,
 )
 from re3.engine import Engine, State, load_engine, zero_state
+from re3.engine.mirrored import MirroredEngine
 from re3.engine.threads import usable_threads
 from re3.frames import as_bgr
 from re3.geometry import Floats
 from re3.model_spec import CropSpec
+from re3.models import DEFAULT_MODEL
 from re3.result import Result, Status
 from re3.search import places
 
@@ -91,6 +93,8 @@ class MultiTracker:
             cores, 4 at most.
         search: look for an object that seems lost in a wider and wider area, six crops more a
             frame.
+        mirror: look at every crop mirrored as well, which is more accurate and takes about twice
+            as long; None as the model says: `re3-base` does, no other.
 
     Raises:
         ValueError: unknown model or engine.
@@ -98,15 +102,22 @@ class MultiTracker:
 
     def __init__(
         self,
-        model: str = "re3-lite",
+        model: str = DEFAULT_MODEL,
         engine: str | Engine = "auto",
         *,
         threads: int = 0,
         search: bool = True,
+        mirror: bool | None = None,
     ) -> None:
         self._search = search
         self._threads = threads or usable_threads()
-        self._engine = load_engine(model, engine, threads) if isinstance(engine, str) else engine
+        self._engine = (
+            load_engine(model, engine, threads, mirror=mirror)
+            if isinstance(engine, str)
+            else MirroredEngine(engine)
+            if mirror
+            else engine
+        )
         self._tracks: dict[int, _Track] = {}
         self._next_id = 1
 
@@ -402,13 +413,14 @@ class Tracker:
 
     def __init__(
         self,
-        model: str = "re3-lite",
+        model: str = DEFAULT_MODEL,
         engine: str | Engine = "auto",
         *,
         threads: int = 0,
         search: bool = True,
+        mirror: bool | None = None,
     ) -> None:
-        self._multi = MultiTracker(model, engine, threads=threads, search=search)
+        self._multi = MultiTracker(model, engine, threads=threads, search=search, mirror=mirror)
 
     def init(self, frame: NDArray[np.uint8], box_xywh: ArrayLike) -> Result:
         """Start to track the object in the box, forgetting any earlier one.

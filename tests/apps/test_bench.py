@@ -20,10 +20,18 @@ def test_it_measures_prints_and_writes(tmp_path):
     quick = ["--rounds", 2, "--frames", 3, "--no-memory", "--json", file]
     result = bench("--objects", "1,2", "--peers", "mosse", *quick)
     assert result.exit_code == 0, result.output
-    for word in ("re3-lite", "mosse", "2 objects: time of an update", "What to choose here:"):
+    for word in (
+        "re3-lite",
+        "re3-base",
+        "mosse",
+        "2 objects: time of an update",
+        "What to choose here:",
+    ):
         assert word in result.output
     written = json.loads(file.read_text())
-    ours, mosse = written["trackers"]
+    ours, base, mosse = written["trackers"]
+    assert [each["name"] for each in written["trackers"]] == ["re3-lite", "re3-base", "mosse"]
+    assert base["size_bytes"] == ours["size_bytes"]
     assert [times["objects"] for times in ours["times"]] == [1, 2]
     one = ours["times"][0]
     assert 0 < one["crop"]["p50"] < one["update"]["p50"]

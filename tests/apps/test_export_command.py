@@ -22,16 +22,18 @@ pytest.importorskip("torch", reason="writes networks")
 CLIP = Path(__file__).parents[2] / "examples" / "clips" / "person.mp4"
 BOX = (368, 58, 158, 374)
 
+MODELS = ("re3-lite", "re3-base")
+
 
 def export(*arguments):
     return CliRunner().invoke(app, ["export", *map(str, arguments)])
 
 
-@pytest.fixture(scope="module")
-def exported(tmp_path_factory):
-    """re3-lite as ONNX, with what comes beside it."""
+@pytest.fixture(scope="module", params=MODELS)
+def exported(request, tmp_path_factory):
+    """A model as ONNX, with what comes beside it."""
     path = tmp_path_factory.mktemp("export") / "mine.onnx"
-    result = export("re3-lite", path)
+    result = export(request.param, path)
     assert result.exit_code == 0, result.output
     return path
 
@@ -65,27 +67,30 @@ def test_the_card_says_what_the_graph_has(exported):
     assert card["trained"] is True
 
 
+@pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("opset", [13, 20])
-def test_other_opsets_compute_the_same(tmp_path, opset):
+def test_other_opsets_compute_the_same(tmp_path, opset, model):
     path = tmp_path / "other.onnx"
-    result = export("re3-lite", path, "--opset", opset, "--no-examples")
+    result = export(model, path, "--opset", opset, "--no-examples")
     assert result.exit_code == 0, result.output
     assert not (tmp_path / "track_onnx.py").exists()
-    engines = [load_engine("re3-lite", "onnx"), load_engine(path)]
+    engines = [load_engine(model, "onnx"), load_engine(path)]
     spec = engines[0].spec
+    assert engines[1].spec == spec
     steps = [engine.step(None, crops_of(spec, 2), zero_state(spec, 2)) for engine in engines]
     np.testing.assert_allclose(steps[0].corners, steps[1].corners, atol=1e-4)
 
 
-def test_torchscript_computes_the_same_for_any_number_of_objects(tmp_path):
+@pytest.mark.parametrize("model", MODELS)
+def test_torchscript_computes_the_same_for_any_number_of_objects(tmp_path, model):
     import torch
 
     path = tmp_path / "mine.pt"
-    result = export("re3-lite", path)
+    result = export(model, path)
     assert result.exit_code == 0, result.output
     told = {"re3_spec": ""}
     module = torch.jit.load(str(path), _extra_files=told)
-    engine = load_engine("re3-lite", "onnx")
+    engine = load_engine(model, "onnx")
     assert told["re3_spec"].decode() == engine.spec.to_json()
     card = json.loads(path.with_suffix(".json").read_text())
     assert card["inputs"][0]["name"] == "current_crops"
@@ -239,16 +244,17 @@ def test_the_cpp_example_finds_the_boxes_of_the_python_example(exported, tmp_pat
     )
 
 
-def test_re3_lite_in_eight_bits_is_calibrated_on_clips(tmp_path):
+@pytest.mark.parametrize("model", MODELS)
+def test_our_models_in_eight_bits_are_calibrated_on_clips(tmp_path, model):
     clips, out = tmp_path / "clips", tmp_path / "small.onnx"
     clips.mkdir()
     shutil.copyfile(CLIP, clips / "person.mp4")
     (clips / "person.txt").write_text("368,58,158,374\n" * 40)
-    result = export("re3-lite", out, "--int8", "--calibrate", clips, "--no-examples")
+    result = export(model, out, "--int8", "--calibrate", clips, "--no-examples")
     assert result.exit_code == 0, result.output
     assert "8-bit integers" in json.loads(out.with_suffix(".json").read_text())["weights"]
-    assert out.stat().st_size < find_file("re3-lite", "onnx")[0].stat().st_size
-    engine, exact = load_engine(out), load_engine("re3-lite", "onnx")
+    assert out.stat().st_size < find_file(model, "onnx")[0].stat().st_size
+    engine, exact = load_engine(out), load_engine(model, "onnx")
     crops = crops_of(engine.spec, 2)
     corners = [e.step(None, crops, zero_state(e.spec, 2)).corners for e in (engine, exact)]
     np.testing.assert_allclose(*corners, atol=0.5)  # of crops that are noise

@@ -33,7 +33,7 @@ def test_torch_and_onnx_agree_on_a_step():
             np.testing.assert_allclose(a.score, b.score, atol=1e-4)
             for name in spec.state:
                 np.testing.assert_allclose(
-                    a.state[name], b.state[name], rtol=1e-4, atol=1e-4, err_msg=name
+                    a.state[name], b.state[name], rtol=1e-3, atol=1e-3, err_msg=name
                 )
             states = [a.state, b.state]
 
@@ -77,7 +77,12 @@ def test_a_broken_onnx_file_is_refused(tmp_path):
             ValueError,
             "unknown engine 'cuda'; expected one of auto, onnx-int8",
         ),
-        ("re4", "auto", ValueError, "unknown model 're4'; expected one of re3-lite, re3"),
+        (
+            "re4",
+            "auto",
+            ValueError,
+            "unknown model 're4'; expected one of re3-base, re3-lite, re3,",
+        ),
         ("re3", "auto", ValueError, "'re3' comes without weights"),
         ("re3", "onnx-int8", ValueError, "'re3' comes without weights"),
         ("nowhere.onnx", "auto", FileNotFoundError, r"nowhere\.onnx does not exist"),

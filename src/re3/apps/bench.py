@@ -21,7 +21,7 @@ from re3.benchmark.report import as_json, tables
 from re3.benchmark.study import Plan, Study, run_study
 from re3.evaluation.peers import available_trackers, find_tracker
 from re3.evaluation.result_files import write_whole
-from re3.models import DEFAULT_MODEL
+from re3.models import DEFAULT_MODEL, FAST_MODEL
 
 FRAMES_KEPT = 120
 """Frames held in memory: 110 MB at 640 x 480."""
@@ -58,7 +58,7 @@ def bench(
     model: Annotated[
         str,
         typer.Option("--model", "-m", help="Models by name or file, several with commas."),
-    ] = DEFAULT_MODEL,
+    ] = f"{FAST_MODEL},{DEFAULT_MODEL}",
     engines: Annotated[
         str, typer.Option("--engines", help="Engines, such as onnx,torch.", metavar="A,B")
     ] = "auto",

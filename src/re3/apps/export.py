@@ -15,7 +15,7 @@ from re3.benchmark.footage import made_footage
 from re3.evaluation.still_steps import still_steps
 from re3.exported.card import make_card
 from re3.model_spec import DATA_SUFFIX
-from re3.models import find_weights, list_models
+from re3.models import find_weights, is_mirrored, list_models
 
 if TYPE_CHECKING:
     from re3.network.export import Change
@@ -108,6 +108,7 @@ def export(
     try:
         chosen = _format(out, format_)
         network = _network(weights, untrained)
+        from re3.network.mirrored import Mirrored
         from re3.network.re3_lite import Re3Lite
 
         if int8 and chosen is Format.TORCHSCRIPT:
@@ -115,6 +116,8 @@ def export(
         change = None
         if int8 and isinstance(network, Re3Lite):
             network = _in_eight_bits(network, calibrate)
+        elif int8 and isinstance(network, Mirrored) and isinstance(network.once, Re3Lite):
+            network = Mirrored(_in_eight_bits(network.once, calibrate), network.name)
         elif int8:
             change = _to_8_bits(network, untrained)
         if calibrate and (change is not None or not int8):
@@ -177,6 +180,7 @@ def _network(weights: str, untrained: bool) -> Network:
         ImportError: torch is not installed.
         ValueError, OSError: no such weights or network.
     """
+    from re3.network.mirrored import Mirrored
     from re3.network.untrained import build_untrained
     from re3.network.weights import load_network
 
@@ -190,7 +194,8 @@ def _network(weights: str, untrained: bool) -> Network:
             raise ValueError(
                 f"{error}; or write it with random weights, to measure speed, with --untrained"
             ) from error
-    return load_network(path)
+    network = load_network(path)
+    return Mirrored(network, weights) if is_mirrored(weights) else network
 
 
 def _in_eight_bits(network: Re3Lite, clips: list[Path] | None) -> Re3Lite:

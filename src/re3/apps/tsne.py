@@ -13,7 +13,7 @@ import typer
 from numpy.typing import NDArray
 
 from re3.apps.console import failed, stderr
-from re3.models import DEFAULT_MODEL
+from re3.models import FAST_MODEL
 
 if TYPE_CHECKING:
     from re3.data.sequence import Sequence
@@ -56,7 +56,7 @@ def tsne(
     ] = None,
     model: Annotated[
         str, typer.Option("--model", "-m", help="A model's name (see `re3 models`) or file.")
-    ] = DEFAULT_MODEL,
+    ] = FAST_MODEL,
     max_frames: Annotated[
         int, typer.Option(help="Frames of each clip, from the box on.", min=2)
     ] = 200,

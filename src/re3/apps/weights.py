@@ -78,7 +78,9 @@ def import_weights(
 
         imported = import_file(file, into, seed)
         network = imported.network
-        name = network.config.name if imported.kind.whole else f"{network.config.name}-start"
+        name = network.spec().name
+        if not imported.kind.whole:
+            name += "-start"
         written = [out / f"{name}.safetensors"]
         save_weights(network, written[0])
         if imported.kind.whole:

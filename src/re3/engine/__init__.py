@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from re3.engine.base import Engine, State, StepOutput, zero_state
-from re3.models import find_eight_bits, find_weights
+from re3.engine.mirrored import MirroredEngine
+from re3.models import find_eight_bits, find_weights, is_mirrored
 
 __all__ = [
     "ENGINES",
@@ -44,7 +45,9 @@ def find_file(model: str | Path, engine: str = "auto") -> tuple[Path, str]:
     return eight_bits, "onnx-int8"
 
 
-def load_engine(model: str | Path, engine: str = "auto", threads: int = 0) -> Engine:
+def load_engine(
+    model: str | Path, engine: str = "auto", threads: int = 0, *, mirror: bool | None = None
+) -> Engine:
     """Open a model.
 
     Args:
@@ -53,6 +56,7 @@ def load_engine(model: str | Path, engine: str = "auto", threads: int = 0) -> En
             "torch", which gives the same boxes as "onnx"; "openvino", in eight bits where there
             is such a file; or "auto": the first of these that the model has files for.
         threads: for the engine; 0 takes one fewer than there are cores, 4 at most.
+        mirror: look at every crop mirrored as well (`MirroredEngine`); None as the model is made.
 
     Raises:
         FileNotFoundError: the model's file does not exist.
@@ -60,6 +64,14 @@ def load_engine(model: str | Path, engine: str = "auto", threads: int = 0) -> En
         ValueError: unknown model or engine, or a file that the engine cannot run.
     """
     path, engine = find_file(model, engine)
+    once = _open(path, engine, threads)
+    by_name = is_mirrored(model)
+    if not (by_name if mirror is None else mirror):
+        return once
+    return MirroredEngine(once, str(model) if by_name else None)
+
+
+def _open(path: Path, engine: str, threads: int) -> Engine:
     if path.suffix == ".xml" and engine != "openvino":
         raise ValueError(f"{path} is for OpenVINO; take the openvino engine, or an .onnx file")
     if engine == "torch":

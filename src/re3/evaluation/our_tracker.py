@@ -19,7 +19,9 @@ from re3.engine import ENGINES, Engine, StepOutput, load_engine
 from re3.timed_tracker import TimedMultiTracker, TimeSpent
 
 _WITH_OPTIONS = re.compile(r"(?P<model>.+?)(?P<options>(?:@[a-z0-9-]+)*)")
-EXPECTED_OPTIONS = "onnx-int8, onnx, openvino, torch, no-reset, reset-N, no-search, threads-N"
+EXPECTED_OPTIONS = (
+    "onnx-int8, onnx, openvino, torch, no-reset, reset-N, no-search, mirror, no-mirror, threads-N"
+)
 
 
 @dataclass(frozen=True)
@@ -32,12 +34,14 @@ class OurOptions:
         reset_interval: steps after which the recurrent state is reset (Re3, sec. III-C: 32); 0
             never; None as the model says.
         search: look for a lost object in a wider area.
+        mirror: look at every crop mirrored as well; None as the model says.
     """
 
     engine: str = "auto"
     threads: int = 0
     reset_interval: int | None = None
     search: bool = True
+    mirror: bool | None = None
 
 
 def split_options(asked: str) -> tuple[str, OurOptions]:
@@ -58,6 +62,8 @@ def split_options(asked: str) -> tuple[str, OurOptions]:
             options = replace(options, reset_interval=0)
         elif word == "no-search":
             options = replace(options, search=False)
+        elif word in ("mirror", "no-mirror"):
+            options = replace(options, mirror=word == "mirror")
         elif name == "reset" and number.isdecimal() and int(number) > 0:
             options = replace(options, reset_interval=int(number))
         elif name == "threads" and number.isdecimal() and int(number) > 0:
@@ -79,7 +85,7 @@ class OurTracker:
 
     def __init__(self, model: str, options: OurOptions | None = None) -> None:
         options = options or OurOptions()
-        engine = load_engine(model, options.engine, options.threads)
+        engine = load_engine(model, options.engine, options.threads, mirror=options.mirror)
         if options.reset_interval is not None:
             engine = _OtherReset(engine, options.reset_interval)
         self._tracker = TimedMultiTracker(model, engine, search=options.search)

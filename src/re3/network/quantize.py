@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterable
+from typing import TypeVar
 
 import torch
 from torch import Tensor, nn
@@ -34,6 +35,9 @@ LARGE = 500_000
 FEWEST_OUTPUTS = 8
 """Convolutions to fewer maps are left as they are: the heat maps' logits, whose exact values are
 the corners."""
+
+
+SomeNetwork = TypeVar("SomeNetwork", bound=nn.Module)
 
 
 class Levels(nn.Module):
@@ -159,7 +163,7 @@ def is_quantized(network: nn.Module) -> bool:
     return any(isinstance(module, Quantized) for module in network.modules())
 
 
-def with_quantized_layers(network: Re3Lite) -> Re3Lite:
+def with_quantized_layers(network: SomeNetwork) -> SomeNetwork:
     """A copy of a network whose layers are made for eight bits, with levels yet to be set."""
     network = copy.deepcopy(network).eval()
     for parent in list(network.modules()):

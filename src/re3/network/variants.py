@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from re3.network.authors import AuthorsConfig, AuthorsSmall, AuthorsSmallConfig
 from re3.network.base import TrackingNetwork
+from re3.network.mirrored import Mirrored, MirroredConfig
 from re3.network.re3 import Re3, Re3Config
 from re3.network.re3_lite import LiteConfig, Re3Lite
 from re3.network.table_one import CONFIGS
 
-Network = Re3 | Re3Lite | AuthorsSmall
-Config = Re3Config | LiteConfig | AuthorsSmallConfig
+Network = Re3 | Re3Lite | Mirrored | AuthorsSmall
+Config = Re3Config | LiteConfig | MirroredConfig | AuthorsSmallConfig
 
 VARIANTS: dict[str, Config] = {
     "re3": Re3Config(),
     "re3-lite": LiteConfig(),
+    "re3-base": MirroredConfig(),
     "re3-authors": AuthorsConfig(),
     "re3-authors-small": AuthorsSmallConfig(),
     "re3-alexnet": Re3Config(name="re3-alexnet", trunk="alexnet"),
@@ -34,6 +36,8 @@ def build(variant: str | Config) -> Network:
         if variant not in VARIANTS:
             raise ValueError(f"unknown variant {variant!r}; expected one of {', '.join(VARIANTS)}")
         variant = VARIANTS[variant]
+    if isinstance(variant, MirroredConfig):
+        return Mirrored(Re3Lite(variant.once), variant.name)
     if isinstance(variant, AuthorsSmallConfig):
         return AuthorsSmall(variant)
     return Re3(variant) if isinstance(variant, Re3Config) else Re3Lite(variant)

@@ -12,6 +12,7 @@ from torch import Tensor
 
 from re3.model_spec import SPEC_KEY, ModelSpec
 from re3.network.base import StepNetwork
+from re3.network.mirrored import Mirrored
 from re3.network.quantize import with_quantized_layers
 from re3.network.re3_lite import Re3Lite
 from re3.network.variants import VARIANTS, Network, build
@@ -60,7 +61,7 @@ def load_network(path: str | Path) -> Network:
         raise ValueError(f"{path} holds weights of {name!r}; expected one of {', '.join(VARIANTS)}")
     network = build(name)
     if any(key.endswith(".input.scale") for key in values):
-        if not isinstance(network, Re3Lite):
+        if not isinstance(network, Re3Lite | Mirrored):
             raise ValueError(f"{path} has layers in eight bits, which {name!r} cannot have")
         network = with_quantized_layers(network)
     own = network.state_dict()

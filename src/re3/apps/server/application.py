@@ -20,6 +20,7 @@ from re3.apps.server.session import NotReadyError
 from re3.apps.server.sessions import Sessions
 from re3.apps.server.stream import router as streams
 from re3.engine import load_engine
+from re3.models import DEFAULT_MODEL
 
 PAGE = Path(__file__).parents[1] / "page"
 
@@ -34,7 +35,7 @@ OVER_LIMIT = {"sessions": 429, "objects": 409}
 
 
 def create_app(
-    model: str = "re3-lite",
+    model: str = DEFAULT_MODEL,
     engine: str = "auto",
     limits: Limits | None = None,
     names: Iterable[str] = (),
