@@ -3,22 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from re3.engine.base import Engine, State, StepOutput
 from re3.geometry import REGRESSION_SCALE
-from re3.model_spec import ModelSpec
-
-LOOKS = 2
-
-SHARPNESS = 8.0
-"""A look counts as its score to this power."""
-
-NO_SCORE = 1e-6
-"""Scores below count as this, so that two of 0 can be shared between."""
+from re3.mirroring import LOOKS, NO_SCORE, SHARPNESS, mirrored_spec
 
 
 class MirroredEngine:
@@ -59,12 +50,6 @@ class MirroredEngine:
         return StepOutput(
             (corners * share[:, :, None]).sum(axis=1), (score * share).sum(axis=1), after
         )
-
-
-def mirrored_spec(once: ModelSpec, name: str) -> ModelSpec:
-    """The interface of a network that looks twice, each time as described by `once`."""
-    state = {part: (LOOKS, *shape) for part, shape in once.state.items()}
-    return replace(once, name=name, state=state)
 
 
 def shares(score: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -12,8 +12,8 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from re3.engine.mirrored import LOOKS, NO_SCORE, SHARPNESS, mirrored_spec
 from re3.geometry import REGRESSION_SCALE
+from re3.mirroring import LOOKS, NO_SCORE, SHARPNESS, mirrored_spec
 from re3.model_spec import ModelSpec
 from re3.network.base import StepNetwork
 from re3.network.re3_lite import LiteConfig
