@@ -111,13 +111,11 @@ class MultiTracker:
     ) -> None:
         self._search = search
         self._threads = threads or usable_threads()
-        self._engine = (
-            load_engine(model, engine, threads, mirror=mirror)
-            if isinstance(engine, str)
-            else MirroredEngine(engine)
-            if mirror
-            else engine
-        )
+        self._engine: Engine
+        if isinstance(engine, str):
+            self._engine = load_engine(model, engine, threads, mirror=mirror)
+        else:
+            self._engine = MirroredEngine(engine) if mirror else engine
         self._tracks: dict[int, _Track] = {}
         self._next_id = 1
 
