@@ -80,6 +80,19 @@ def test_results_are_reused_only_when_asked(tmp_path, sequence_of):
     np.testing.assert_array_equal(third.track.seconds, second.track.seconds)
 
 
+def test_what_a_killed_run_left_beside_a_finished_result_goes(tmp_path, sequence_of):
+    sequence = sequence_of([BOX, MOVED], "one", "made")
+    run([FLOOR], [sequence], out=tmp_path)
+    folder = tmp_path / "made/floor"
+    left = [folder / f".one.txt.4711.{kind}" for kind in ("journal", "partial")]
+    others = folder / ".two.txt.4711.journal"
+    for path in (*left, others):
+        path.write_text("")
+    (result,) = run([FLOOR], [sequence], out=tmp_path, resume=True)
+    assert result.reused
+    assert not any(path.exists() for path in left) and others.exists()
+
+
 def test_a_failure_is_tried_again(tmp_path, sequence_of):
     sequence = sequence_of([BOX, BOX], "one", "made")
     run([FAILING], [sequence], out=tmp_path)

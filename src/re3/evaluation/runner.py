@@ -120,6 +120,7 @@ def run(
     results: dict[int, SequenceResult] = {}
     told = _Teller(planned, on_progress)
     for index, job in enumerate(planned):
+        _clear_after_kill(job)
         if (given := _at_hand(job, supervised, resume)) is not None:
             results[index] = _result(job, given, reused=job.info.published is None)
             told.ended(index)
@@ -186,14 +187,19 @@ def _run_jobs(
 def _task(job: _Job, supervised: SupervisedConfig | None, index: int, scratch: Path | None) -> Task:
     journal = None
     if job.path is not None:
-        # What an earlier run left that was killed.
-        for stale in job.path.parent.glob(f".{glob.escape(job.path.name)}.*.journal"):
-            stale.unlink(missing_ok=True)
         journal = partial_path(job.path, "journal")
     elif scratch is not None:
         journal = scratch / f"{index}.journal"
     factory = seeded_factory(job.info, job.repeat)
     return Task(factory, job.sequence, supervised, journal, seed=job.repeat)
+
+
+def _clear_after_kill(job: _Job) -> None:
+    """Remove what an earlier run that was killed left beside the results, of finished jobs too."""
+    if job.path is not None:
+        for kind in ("journal", "partial"):
+            for stale in job.path.parent.glob(f".{glob.escape(job.path.name)}.*.{kind}"):
+                stale.unlink(missing_ok=True)
 
 
 def _clear(task: Task) -> None:
