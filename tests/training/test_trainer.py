@@ -162,6 +162,30 @@ def test_a_hopeless_prediction_is_put_back_on_the_truth(sampler, trunk):
     assert rollout.has_box.all() or rollout.put_back > 0
 
 
+def test_a_held_error_of_size_lasts_for_a_track(sampler, trunk):
+    noise = replace(QUIET, held=0.2)
+    _, rollout = roll(sampler, [False, False, True], trunk, noise=noise)
+    targets = rollout.targets.reshape(4, 3, 4).numpy()
+    sides = targets[..., 2:] - targets[..., :2]  # of an object that keeps its size
+    np.testing.assert_allclose(sides[0], 10 / 3, atol=1e-5)
+    np.testing.assert_allclose(sides[1:, :2], np.broadcast_to(sides[1, :2], (3, 2, 2)), atol=1e-5)
+    assert (np.abs(sides[1, :2] - 10 / 3) > 0.01).all()
+    assert len(np.unique(sides[1, :2].round(4))) == 4  # each of its own, width and height too
+    np.testing.assert_allclose(sides[1, 2], 10 / 3, atol=1e-5)  # own predictions have none
+
+
+def test_own_predictions_are_shown_with_a_held_error_of_their_own(sampler, trunk):
+    plain = roll(sampler, [True, False], trunk)[1]
+    held = roll(sampler, [True, False], trunk, noise=replace(QUIET, held_own=0.2))[1]
+    sides = [
+        (part.targets[:, 2:] - part.targets[:, :2]).reshape(4, 2, 2).numpy()
+        for part in (plain, held)
+    ]
+    np.testing.assert_allclose(sides[0][1], 10 / 3, atol=1e-5)
+    assert (np.abs(sides[1][1, 0] - 10 / 3) > 0.01).all()
+    np.testing.assert_allclose(sides[1][:, 1], sides[0][:, 1], atol=1e-5)
+
+
 def test_blind_crops_have_no_box(sampler, trunk):
     _, rollout = roll(sampler, [False] * 3, trunk, noise=replace(QUIET, blind=1.0))
     has_box = rollout.has_box.reshape(4, 3)
@@ -393,6 +417,27 @@ def test_mixed_precision_is_near_full_precision(sampler, tmp_path):
         assert {p.dtype for p in trainer.network.parameters()} == {torch.float32}
     assert losses[True] != losses[False]
     np.testing.assert_allclose(losses[True], losses[False], rtol=0.05)
+
+
+@pytest.mark.slow
+def test_a_compiled_pass_learns_the_same(sampler, tmp_path):
+    recipe = replace(RECIPE, phases=(Phase(2, 4, 0.5, 2),))
+    losses = {}
+    for compiled in (False, True):
+        folder, device = tmp_path / str(compiled), Device("cpu", compiled=compiled)
+        trainer = Trainer(tiny_network(), sampler, recipe, folder, device=device)
+        losses[compiled] = []
+        trainer.train(lambda progress, key=compiled: losses[key].append(progress.loss))
+    np.testing.assert_allclose(losses[True], losses[False], rtol=1e-3)
+
+
+def test_compiling_without_a_compiler_is_told(monkeypatch, tmp_path):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv("CXX", raising=False)
+    with pytest.raises(
+        ValueError, match=r"needs a C\+\+ compiler, and none of g\+\+.*leave --comp"
+    ):
+        Device("cpu", compiled=True)
 
 
 def test_an_unknown_device_is_refused():

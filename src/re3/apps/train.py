@@ -132,6 +132,10 @@ def train(
             show_default=False,
         ),
     ] = None,
+    compiled: Annotated[
+        bool,
+        typer.Option("--compile", help="Compile the pass with gradients: begins slowly."),
+    ] = False,
 ) -> None:
     """Train re3-lite on your own videos and stills; killed runs resume where they were.
 
@@ -170,7 +174,7 @@ def train(
         if seed is not None:
             recipe = replace(recipe, seed=seed)
         mixed = _mixed(precision, device)
-        Device(device)  # an unusable one is told before processes wait for each other
+        Device(device, compiled=compiled)  # an unusable one is told before any process waits
         processes = join_processes(device)
         console = stderr()
         console.quiet = not processes.first
@@ -190,7 +194,7 @@ def train(
         validate = None
         if validation is not None and processes.first:
             validate = Validation(validation, validation_clips)
-        on = Device(device, processes.local_rank, mixed)
+        on = Device(device, processes.local_rank, mixed, compiled)
         trainer = Trainer(network, sampler, recipe, out, threads, on, processes)
         if trainer.earlier_recipe is not None:
             for line in differences(trainer.earlier_recipe, asdict(recipe)):

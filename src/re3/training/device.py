@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
@@ -9,6 +11,8 @@ import torch
 from torch.amp.grad_scaler import GradScaler
 
 KINDS = ("cpu", "cuda")
+COMPILERS = ("g++", "clang++", "c++", "cl")
+"""Of C++, which torch turns graphs for a CPU into."""
 
 
 @dataclass(frozen=True)
@@ -20,14 +24,17 @@ class Device:
         index: of the GPU.
         mixed: matrix products and convolutions in 16 bits: float16 with a scaled loss on a GPU,
             bfloat16, which needs no scaling, on a CPU.
+        compiled: the pass with gradients is compiled by torch before its first run, which takes a
+            minute or two for each length of unroll.
 
     Raises:
-        ValueError: an unknown kind, or a GPU that torch does not see.
+        ValueError: an unknown kind, a GPU that torch does not see, or no compiler.
     """
 
     kind: str = "cpu"
     index: int = 0
     mixed: bool = False
+    compiled: bool = False
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -37,6 +44,13 @@ class Device:
                 f"torch {torch.__version__} sees no GPU here; take --device cpu, or install a "
                 "torch built for CUDA"
             )
+        if self.compiled and self.kind == "cpu":
+            compilers = (os.environ.get("CXX", ""), *COMPILERS)
+            if not any(shutil.which(name) for name in compilers):
+                raise ValueError(
+                    f"compiling needs a C++ compiler, and none of {', '.join(COMPILERS)} is "
+                    "installed; install one, name it in CXX, or leave --compile out"
+                )
 
     @property
     def torch(self) -> torch.device:

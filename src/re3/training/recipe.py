@@ -63,6 +63,10 @@ class CropNoise:
             first template: with half of this drift, tracks kept shrinking (docs/experiments.md).
         drift_scale: likewise, of the log of its width and height.
         drift_limit, drift_scale_limit: largest of each.
+        held, held_own: of the log of width and height, an error that stays the same for a whole
+            track, with crops at the truth and at own predictions: on top of what differs from step
+            to step, or of each prediction. Without it a network trusts the size that it is shown,
+            and its own errors of size grow (docs/experiments.md).
         jump: extra shift of the current crop alone, as if the camera had moved.
         jump_scale: likewise, of the log of its width and height.
         jump_limit: largest extra shift; at 3x context the object is then just inside the crop.
@@ -78,6 +82,8 @@ class CropNoise:
     drift_scale: float = 0.2
     drift_limit: float = 0.5
     drift_scale_limit: float = 0.9
+    held: float = 0.0
+    held_own: float = 0.0
     jump: float = 0.18
     jump_scale: float = 0.05
     jump_limit: float = 1.0

@@ -129,6 +129,7 @@ def roll_out(
     objects, steps = truth.shape[:2]
     boxes = truth[:, 0].copy()
     stays = rng.random(objects) < noise.stay_lost
+    held = _held(own, noise, rng)
     device = next(network.parameters()).device
     images: list[NDArray[np.uint8]] = []
     maps: list[Maps] = []
@@ -142,7 +143,7 @@ def roll_out(
         # After a leap the object may be anywhere: the crop is cut at the truth of its own frame.
         leapt = leaps & (t == 1)
         start = np.where(leapt[:, None], truth[:, t], boxes)
-        about, new_regions = _regions(start, own & ~leapt, t, noise, rng, spec.current)
+        about, new_regions = _regions(start, held, own & ~leapt, t, noise, rng, spec.current)
         # What is known of the frame before is still about the box found there.
         known = np.where(leapt[:, None], boxes, about)
         looked.append(geometry.encode(known, regions) if t else np.zeros((objects, 4)))
@@ -196,8 +197,16 @@ def roll_out(
     )
 
 
+def _held(own: NDArray[np.bool_], noise: CropNoise, rng: Draws) -> Floats:
+    """Errors `[N, 2]` of the log of width and height that last for a track."""
+    scale = np.where(own, noise.held_own, noise.held)[:, None]
+    drawn = rng.laplace(0, 1.0, (len(own), 2)) * scale
+    return np.clip(drawn, -3 * scale, 3 * scale)
+
+
 def _regions(
     boxes: Floats,
+    held: Floats,
     own: NDArray[np.bool_],
     t: int,
     noise: CropNoise,
@@ -216,7 +225,7 @@ def _regions(
         rng.laplace(0, noise.drift_scale, (n, 2)), -noise.drift_scale_limit, noise.drift_scale_limit
     )
     at[:, :2] += shift * strength[:, None] * at[:, 2:]
-    at[:, 2:] *= np.exp(growth * strength[:, None])
+    at[:, 2:] *= np.exp(growth * strength[:, None] + (held if t > 0 else 0.0))
     looked = geometry.convert(at, "cxcywh", "xyxy")
     if t > 0:
         jumps = (rng.random(n) < np.where(own, noise.jumps_own, noise.jumps))[:, None]

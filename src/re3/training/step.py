@@ -76,6 +76,9 @@ class Learner:
         self.unroll: nn.Module = _Unroll(network)
         if processes.count > 1:
             self.unroll = DistributedDataParallel(self.unroll)
+        if device.compiled:
+            # Batches of a phase are of one size: a graph for each, none for sizes in general.
+            self.unroll.compile(dynamic=False)
 
     def learn(self, rollout: Rollout) -> Learnt:
         """One step of the optimiser from this process's share of a batch.
