@@ -29,8 +29,9 @@ SIDES_CHANGE = 1.5
 part of, what they were when it was last tracked: boxes without an object would grow over the whole
 frame, and then the object is a speck in the crop when it comes back. Chosen on val."""
 
-FOUND_FROM = 0.6
-"""A place that a search comes past is taken where its score is this or more."""
+FOUND_FROM, FOUND_SHARE = 0.6, 0.85
+"""A place that a search comes past is taken where its score is the first or more, and that share of
+the usual score or more: after a long search, somebody else is found otherwise. Chosen on val."""
 
 
 def status_of(score: float, usual: float = USUAL_AT_FIRST) -> Status:
@@ -50,8 +51,16 @@ def is_searched_for(score: float, usual: float) -> bool:
     return score < SEARCH_SHARE * usual
 
 
+def is_found(score: float, usual: float) -> bool:
+    """Whether a place that a search comes past is the object's, by its score there."""
+    return score >= max(FOUND_FROM, FOUND_SHARE * usual)
+
+
 def usual_after(usual: float, score: float) -> float:
-    """What the score usually is, after one more: a mean that forgets, without lost frames."""
-    if score >= LOST_SHARE * usual:
+    """What the score usually is, after one more: a mean that forgets.
+
+    Frames in which the object is searched for do not count, or any box would do after a while.
+    """
+    if score >= SEARCH_SHARE * usual:
         return max((1 - RATE) * usual + RATE * score, USUAL_AT_LEAST)
     return usual

@@ -75,6 +75,7 @@ _CATALOGUE = (
         shipped=False,
     ),
 )
+_CARDS = {card.name: card for card in _CATALOGUE}
 
 
 def list_models() -> list[ModelCard]:
@@ -98,15 +99,16 @@ def _with_figures(card: ModelCard) -> ModelCard:
 
 def is_mirrored(model: str | Path) -> bool:
     """Whether a named model looks at each crop mirrored as well."""
-    return any(card.name == str(model) and card.mirrors for card in _CATALOGUE)
+    card = _CARDS.get(str(model))
+    return card is not None and bool(card.mirrors)
 
 
 def find_eight_bits(model: str | Path) -> Path | None:
     """The file of a named model that computes in eight bits, where there is one."""
-    cards = {card.name: card for card in _CATALOGUE}
-    if str(model) not in cards:
+    card = _CARDS.get(str(model))
+    if card is None:
         return None
-    path = WEIGHTS / f"{cards[str(model)].files}-int8.onnx"
+    path = WEIGHTS / f"{card.files}-int8.onnx"
     return path if path.is_file() else None
 
 
@@ -122,15 +124,15 @@ def find_weights(model: str | Path) -> Path:
         if not path.is_file():
             raise FileNotFoundError(f"model file {path} does not exist")
         return path
-    cards = {card.name: card for card in _CATALOGUE}
-    if str(model) not in cards:
+    card = _CARDS.get(str(model))
+    if card is None:
         raise ValueError(
-            f"unknown model {str(model)!r}; expected one of {', '.join(cards)}, "
+            f"unknown model {str(model)!r}; expected one of {', '.join(_CARDS)}, "
             "or the path of an .onnx, .safetensors or OpenVINO .xml file"
         )
-    weights = WEIGHTS / f"{cards[str(model)].files}.onnx"
+    weights = WEIGHTS / f"{card.files}.onnx"
     if not weights.is_file():
-        if cards[str(model)].shipped:
+        if card.shipped:
             raise ValueError(
                 f"{weights} is missing; the installation is damaged, install re3 again"
             )

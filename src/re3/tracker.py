@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from re3 import geometry
 from re3.confidence import (
-    FOUND_FROM,
     SIDES_CHANGE,
     USUAL_AT_FIRST,
+    is_found,
     is_searched_for,
     status_of,
     usual_after,
@@ -217,7 +217,8 @@ class MultiTracker:
                 whose += [index] * len(boxes)
         best = list(seen)
         for index, sight in zip(whose, self._look(image, looks) if looks else (), strict=True):
-            if sight.score >= max(FOUND_FROM, best[index].score):
+            usual = tracks[index].usual_score
+            if is_found(sight.score, usual) and sight.score >= best[index].score:
                 best[index] = sight._replace(by_search=True)
         return best
 
