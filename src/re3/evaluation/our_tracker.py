@@ -8,14 +8,14 @@ Options follow a model's name or file, each after an `@`: `re3-lite@torch`, `re3
 
 from __future__ import annotations
 
+import copy
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from re3.engine import ENGINES, Engine, StepOutput, load_engine
+from re3.engine import ENGINES, load_engine
 from re3.timed_tracker import TimedMultiTracker, TimeSpent
 
 _WITH_OPTIONS = re.compile(r"(?P<model>.+?)(?P<options>(?:@[a-z0-9-]+)*)")
@@ -87,7 +87,8 @@ class OurTracker:
         options = options or OurOptions()
         engine = load_engine(model, options.engine, options.threads, mirror=options.mirror)
         if options.reset_interval is not None:
-            engine = _OtherReset(engine, options.reset_interval)
+            engine = copy.copy(engine)
+            engine.spec = replace(engine.spec, reset_interval=options.reset_interval)
         self._tracker = TimedMultiTracker(model, engine, search=options.search)
 
     def init(self, frame: NDArray[np.uint8], box_xywh: ArrayLike) -> None:
@@ -105,20 +106,3 @@ class OurTracker:
     def time_spent(self) -> TimeSpent:
         """Where the time of the latest `init` or `update` went."""
         return self._tracker.time_spent
-
-
-class _OtherReset:
-    """An engine whose recurrent state is to be reset at other times."""
-
-    def __init__(self, engine: Engine, reset_interval: int) -> None:
-        self._engine = engine
-        self.spec = replace(engine.spec, reset_interval=reset_interval)
-
-    def step(
-        self,
-        previous_crops: NDArray[np.uint8] | None,
-        current_crops: NDArray[np.uint8],
-        state: Mapping[str, NDArray[np.float32]],
-    ) -> StepOutput:
-        """See `re3.engine.base.Engine.step`."""
-        return self._engine.step(previous_crops, current_crops, state)
