@@ -172,11 +172,12 @@ class Elsewhere(Counter):
     def __init__(self, blind):
         super().__init__(spec=replace(SPEC, fill=(0.0, 0.0, 0.0)))
         self.blind = blind
+        self.seen = 0.9
 
     def step(self, previous_crops, current_crops, state):
         output = super().step(previous_crops, current_crops, state)
         dark = current_crops.reshape(len(current_crops), -1).mean(axis=1) < self.blind
-        return output._replace(score=np.where(dark, 0.1, 0.9).astype(np.float32))
+        return output._replace(score=np.where(dark, 0.1, self.seen).astype(np.float32))
 
 
 def reappearing(place):
@@ -199,6 +200,19 @@ def test_a_lost_object_is_found_again_where_it_reappears(place):
     assert results[-1].status is Status.TRACKED
     x, y, w, h = results[-1].box_xywh
     assert abs(x - place[0]) < w and abs(y - place[1]) < h
+
+
+@pytest.mark.parametrize(("seen", "last"), [(0.66, Status.TRACKED), (0.62, Status.LOST)])
+def test_a_place_far_below_the_usual_score_is_not_taken(seen, last):
+    engine = Elsewhere(blind=20)
+    tracker = re3.Tracker(engine=engine)
+    frames = reappearing((112, 90))
+    tracker.init(frames[0], BOX)
+    for frame in frames[1:5]:
+        tracker.update(frame)
+    engine.seen = seen  # where .75 is usual
+    results = [tracker.update(frame) for frame in frames[5:]]
+    assert results[-1].status is last
 
 
 def test_a_tracker_told_not_to_search_stays_where_it_is():
