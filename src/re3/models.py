@@ -55,7 +55,7 @@ _CATALOGUE = (
     ModelCard(
         name="re3-base",
         description="the network of re3-lite looking twice, at each crop and its mirror image",
-        parameters=5_054_599,
+        parameters=5_171_239,
         crop_size=192,
         shipped=True,
         mirrors="re3-lite",
@@ -63,7 +63,7 @@ _CATALOGUE = (
     ModelCard(
         name="re3-lite",
         description="ours, sized for a CPU: spatial readout, EfficientNet-Lite0 trunk",
-        parameters=5_054_599,
+        parameters=5_171_239,
         crop_size=192,
         shipped=True,
     ),

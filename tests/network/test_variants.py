@@ -8,7 +8,7 @@ import torch
 
 from re3.model_spec import ModelSpec
 from re3.network.re3 import Re3Config
-from re3.network.re3_lite import LiteConfig, sample_region
+from re3.network.re3_lite import Adapter, LiteConfig, sample_region
 from re3.network.variants import VARIANTS, build
 from re3.network.weights import load_network, save_weights
 
@@ -46,7 +46,7 @@ def network(request):
     ("name", "parameters"),
     [
         ("re3", 190_004_324),  # as the authors' large network
-        ("re3-lite", 5_063_047),
+        ("re3-lite", 5_179_687),
     ],
 )
 def test_parameter_count(name, parameters):
@@ -82,6 +82,17 @@ def test_a_batch_equals_single_steps(network):
                 one, one_score, singles[i] = network(*own, singles[i])
                 np.testing.assert_allclose(one[0], corners[i], atol=1e-4)
                 np.testing.assert_allclose(one_score[0], score[i], atol=1e-4)
+
+
+def test_fresh_adapters_are_silent():
+    fresh = build(SMALL[1])
+    adapters = [module for module in fresh.modules() if isinstance(module, Adapter)]
+    assert len(adapters) == 3
+    for adapter in adapters:
+        maps = torch.randn(2, adapter.contract.out_channels, 6, 6)
+        assert torch.equal(adapter(maps), maps)
+        torch.nn.init.normal_(adapter.contract.weight)
+        assert not torch.allclose(adapter(maps), maps)
 
 
 def test_the_state_matters(network):

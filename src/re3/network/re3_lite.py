@@ -51,6 +51,7 @@ class LiteConfig:
             padding). Its middle, the object, is the template.
         skips: outputs of the skip connections from strides 4, 8 and 16 (sec. III-A).
         embedding: of a crop's embedding.
+        adapter: inside the blocks that fit the frozen trunk's maps to tracking.
         correlation: kept of each correlation.
         fused: of the fused map.
         fully_connected: units of the fully connected layer.
@@ -63,6 +64,7 @@ class LiteConfig:
     view: float = 2.0
     skips: tuple[int, int, int] = (16, 32, 64)
     embedding: int = 64
+    adapter: int = 64
     correlation: int = 48
     fused: int = 64
     fully_connected: int = 384
@@ -149,23 +151,52 @@ class ChannelNorm(nn.Module):
         return normed.permute(0, 3, 1, 2)
 
 
+class Adapter(nn.Module):
+    """Adds to a map what three convolutions make of it.
+
+    The trunk was trained to tell kinds of things apart and stays as it is; these blocks learn what
+    tells one thing from the next of its kind.
+    """
+
+    def __init__(self, channels: int, inside: int) -> None:
+        super().__init__()
+        self.change = nn.Sequential(
+            nn.Conv2d(channels, inside, 1),
+            nn.PReLU(inside),
+            nn.Conv2d(inside, inside, 3, padding=1),
+            nn.PReLU(inside),
+        )
+        self.contract = nn.Conv2d(inside, channels, 1)
+
+    def forward(self, x: Tensor) -> Tensor:
+        changed: Tensor = x + self.contract(self.change(x))
+        return changed
+
+
 class Embedding(nn.Module):
     """Trunk maps at strides 4, 8, 16 to one map at stride 8 (skip connections, sec. III-A)."""
 
     def __init__(self, config: LiteConfig) -> None:
         super().__init__()
         skip4, skip8, skip16 = config.skips
+        self.adapt16 = nn.Sequential(
+            Adapter(OUT_CHANNELS[16], config.adapter), Adapter(OUT_CHANNELS[16], config.adapter)
+        )
         self.skip4 = nn.Sequential(nn.Conv2d(OUT_CHANNELS[4], skip4, 2, stride=2), nn.PReLU(skip4))
         self.skip8 = nn.Sequential(nn.Conv2d(OUT_CHANNELS[8], skip8, 1), nn.PReLU(skip8))
         self.skip16 = nn.Sequential(nn.Conv2d(OUT_CHANNELS[16], skip16, 1), nn.PReLU(skip16))
         self.merge = nn.Conv2d(sum(config.skips), config.embedding, 1)
+        self.adapt8 = Adapter(config.embedding, config.adapter // 2)
         self.norm = ChannelNorm(config.embedding)
 
     def forward(self, features: Features) -> Tensor:
         """Trunk maps of N crops to `[N, embedding, G, G]`."""
         at4, at8, at16 = features
-        wide = nn.functional.interpolate(self.skip16(at16), scale_factor=2.0, mode="nearest")
-        return self.norm(self.merge(torch.cat([self.skip4(at4), self.skip8(at8), wide], dim=1)))
+        adapted = self.adapt16(at16)
+        wide = nn.functional.interpolate(self.skip16(adapted), scale_factor=2.0, mode="nearest")
+        merged = self.merge(torch.cat([self.skip4(at4), self.skip8(at8), wide], dim=1))
+        embedding: Tensor = self.norm(self.adapt8(merged))
+        return embedding
 
 
 def sample_region(maps: Tensor, regions: Tensor, cells: int) -> Tensor:
@@ -253,7 +284,7 @@ class LiteHead(nn.Module):
         self._initialise()
 
     def _initialise(self) -> None:
-        """MSRA for all new layers (sec. III-C); readouts start silent."""
+        """MSRA for all new layers (sec. III-C); readouts and adapters start silent."""
         for module in self.modules():
             if isinstance(module, nn.Conv2d | nn.Linear):
                 nn.init.kaiming_normal_(module.weight)
@@ -261,6 +292,9 @@ class LiteHead(nn.Module):
                     nn.init.zeros_(module.bias)
         for readout in (self.modulate, self.residual):
             nn.init.zeros_(readout.weight)
+        for module in self.modules():
+            if isinstance(module, Adapter):
+                nn.init.zeros_(module.contract.weight)
         nn.init.normal_(self.heat.weight, std=0.01)
 
     def zero_state(self, objects: int, device: torch.device | str = "cpu") -> LiteState:
