@@ -65,8 +65,8 @@ class CropNoise:
         drift_limit, drift_scale_limit: largest of each.
         held, held_own: of the log of width and height, an error that stays the same for a whole
             track, with crops at the truth and at own predictions: on top of what differs from step
-            to step, or of each prediction. Without it a network trusts the size that it is shown,
-            and its own errors of size grow (docs/experiments.md).
+            to step, or of each prediction. Meant against errors of
+            size that a network makes grow by itself (docs/experiments.md).
         jump: extra shift of the current crop alone, as if the camera had moved.
         jump_scale: likewise, of the log of its width and height.
         jump_limit: largest extra shift; at 3x context the object is then just inside the crop.
