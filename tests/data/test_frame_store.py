@@ -78,6 +78,30 @@ def test_a_file_that_another_process_removed_is_made_again(tmp_path):
     assert kept(tmp_path) == ["a"]
 
 
+@pytest.mark.parametrize("make", [video, images])
+def test_a_clip_that_is_touched_or_moved_is_not_decoded_again(tmp_path, make):
+    here = make(tmp_path, "a")
+    FrameStore(tmp_path / "store").frames(here)
+    (before,) = (tmp_path / "store").iterdir()
+    os.utime(here, (1e9, 1e9))
+    (tmp_path / "elsewhere").mkdir()
+    there = here.rename(tmp_path / "elsewhere" / here.name)
+    made = before.stat().st_mtime_ns
+    FrameStore(tmp_path / "store").frames(there)
+    assert list((tmp_path / "store").iterdir()) == [before]
+    assert before.stat().st_mtime_ns == made
+
+
+@pytest.mark.parametrize("make", [video, images])
+def test_a_clip_that_is_changed_is_decoded_again(tmp_path, make):
+    path = make(tmp_path, "a")
+    FrameStore(tmp_path / "store").frames(path)
+    make(tmp_path / "new", "a", frames=12)
+    path.rename(tmp_path / "old")
+    (tmp_path / "new" / path.name).rename(path)
+    assert numbers(FrameStore(tmp_path / "store").frames(path)[0]) == list(range(12))
+
+
 def test_a_video_larger_than_the_cache_is_told(tmp_path):
     store = limited(tmp_path, 10)
     with pytest.raises(CacheFullError, match=r"long\.mp4 takes .* may hold .*--cache-gb"):

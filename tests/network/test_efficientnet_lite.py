@@ -3,8 +3,10 @@ import torch
 import torch.nn.functional as F
 
 from re3.network.efficientnet_lite import (
+    FEWEST_BEGUN,
     PIXEL_MEAN,
     PIXEL_SCALE,
+    STAGES,
     EfficientNetLite0,
     SamePadConv,
     load_imagenet_weights,
@@ -49,6 +51,17 @@ def test_same_padding_is_tensorflows(kernel, side):
     padded = F.pad(image, (before, after, before, after))
     assert torch.equal(conv(image), F.conv2d(padded, conv.weight, stride=2))
     assert conv(image).shape[-1] == -(-side // 2)
+
+
+@pytest.mark.parametrize("stages", range(FEWEST_BEGUN, len(STAGES) + 1))
+def test_begun_and_finished_is_the_whole(stages):
+    torch.manual_seed(0)
+    trunk, images = EfficientNetLite0().eval(), 50 * torch.randn(2, 3, 64, 64)
+    with torch.no_grad():
+        begun = trunk.begin(images, stages)
+        assert begun[2].shape[1] == STAGES[stages - 1].channels
+        for found, whole in zip(trunk.finish(begun, stages), trunk(images), strict=True):
+            assert torch.equal(found, whole)
 
 
 def test_taps_have_the_strides_they_say():

@@ -111,19 +111,47 @@ def test_unrolled_equals_step_by_step():
     steps, objects = 4, 2
     inputs = random_inputs(network, objects, steps)
     with torch.no_grad():
-        features = [network.features(crop) for (crop,) in inputs]
-        stacked = tuple(torch.cat([step[tap] for step in features]) for tap in range(3))
+        embeddings = [network.head.embedding(network.features(crop)) for (crop,) in inputs]
         looked = torch.rand(steps * objects, 4) + torch.tensor([2.0, 2.0, 6.0, 6.0])
-        unrolled = network.head.unroll(stacked, looked, steps)
+        unrolled = network.head.unroll(torch.cat(embeddings), looked, steps)
         state, before = network.zero_state(objects), None
-        for t, crops in enumerate(features):
+        for t, embedding in enumerate(embeddings):
             rows = slice(t * objects, (t + 1) * objects)
             if before is not None:
                 state = state._replace(view=network.head.view(before, looked[rows]))
-            before = network.head.embedding(crops)
+            before = embedding
             output, state = network.head(before, state)
             np.testing.assert_allclose(output.corners, unrolled.corners[rows], atol=1e-4)
             np.testing.assert_allclose(output.score_logit, unrolled.score_logit[rows], atol=1e-4)
+
+
+@pytest.mark.parametrize("stages", [0, 1, 2])
+def test_stages_of_the_trunk_that_learn_change_nothing_before_they_do(stages):
+    torch.manual_seed(0)
+    network = build(SMALL[1]).eval()
+    crops, state = random_inputs(network, objects=2, steps=1)[0], network.zero_state(2)
+    with torch.no_grad():
+        expected = network(*crops, state)
+        network.trunk.requires_grad_(False)
+        network.let_trunk_learn(stages)
+        found = network(*crops, state)
+    for a, b in zip((*found[:2], *found[2]), (*expected[:2], *expected[2]), strict=True):
+        torch.testing.assert_close(a, b)
+    learning = {n.split(".")[1] for n, p in network.trunk.named_parameters() if p.requires_grad}
+    assert learning == {str(index) for index in range(5 - stages, 5)}
+
+
+@pytest.mark.parametrize(
+    ("name", "stages", "told"),
+    [
+        (SMALL[1], 3, "3 stages of the trunk are to learn; expected 0 to 2"),
+        (SMALL[1], -1, "expected 0 to 2"),
+        ("lite-C", 1, "'lite-C' has no stages of its trunk that learn apart"),
+    ],
+)
+def test_stages_that_cannot_learn_apart_are_told(name, stages, told):
+    with pytest.raises(ValueError, match=told):
+        build(name).let_trunk_learn(stages)
 
 
 def test_weights_survive_safetensors_bit_exactly(tmp_path):

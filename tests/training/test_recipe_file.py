@@ -37,6 +37,10 @@ def test_a_recipe_written_is_read_back_the_same(file, name):
             replace(PAPER, plateau=replace(PAPER.plateau, patience=9)),
         ),
         ("learn_trunk: true", replace(FROZEN_TRUNK, learn_trunk=True)),
+        (
+            "trunk_stages: 2\ntrunk_rate: 0.3",
+            replace(FROZEN_TRUNK, trunk_stages=2, trunk_rate=0.3),
+        ),
         ("learns: [score]", replace(FROZEN_TRUNK, learns=("score",))),
         (
             "phases: [{unroll: 2, batch: 8, own: 0.5, iterations: 10}]",
@@ -65,6 +69,9 @@ def test_fields_change_the_base(file, text, expected):
         ("passes: true", "passes is True; expected a whole number"),
         ("learning_rate: fast", "learning_rate is 'fast'; expected a number"),
         ("learn_trunk: 1", "learn_trunk is 1; expected true or false"),
+        ("trunk_stages: -1", "trunk_stages is -1 and trunk_rate 1.0; expected 0 stages or more"),
+        ("trunk_rate: 0", "expected 0 stages or more and a share above 0 and up to 1"),
+        ("base: paper\ntrunk_stages: 1", "learn_trunk, and trunk_stages 1: expected one of them"),
         ("seed: null", "seed is nothing; expected a whole number"),
         ("passes: 0", "passes is 0; expected 1 or more"),  # the recipe's own checks
         ("base: papers", "base is 'papers'; expected one of frozen-trunk, paper"),

@@ -12,6 +12,7 @@ from tiny import SMALL as TINY
 from re3.data.augment import AugmentedClip
 from re3.data.clip import MirroredClip, Origin, RecordedClip
 from re3.geometry import decode, search_region
+from re3.network.base import Seen
 from re3.network.re3_lite import Re3Lite
 from re3.training.device import Device
 from re3.training.features import FrozenTrunk
@@ -359,9 +360,8 @@ def test_a_loss_that_is_not_finite_stops_and_its_batch_is_kept(sampler, tmp_path
     network = tiny_network()
     network.load_state_dict(kept["network"])
     with torch.no_grad():
-        again = network.head.unroll(
-            network.features(kept["images"]), kept["looked"], kept["steps"]
-        ).corners
+        seen = Seen(network.features(kept["images"]), None, kept["looked"])
+        again = network.unroll(seen, kept["steps"]).corners
     assert again.isnan()[:, 0].all()
     torch.testing.assert_close(again, kept["corners"], equal_nan=True, atol=1e-3, rtol=1e-3)
     clean = again[:, 1:] - kept["targets"][:, 1:]
@@ -404,6 +404,37 @@ def test_the_trunk_learns_only_where_the_recipe_says_so(sampler, tmp_path, learn
         assert torch.equal(old, mean) != learn_trunk
     for old, new in zip(before.buffers(), after.buffers(), strict=True):
         assert torch.equal(old, new)  # statistics of batch normalisation
+
+
+def test_the_last_stages_of_a_frozen_trunk_learn_at_their_share_of_the_rate(sampler, tmp_path):
+    moved = {}
+    for rate in (1.0, 0.1):
+        fresh = tiny_network()
+        recipe = replace(
+            RECIPE, phases=(Phase(2, 2, 1.0, 1),), trunk_stages=1, trunk_rate=rate, weight_decay=0.0
+        )
+        trainer = make(sampler, tmp_path / str(rate), recipe)
+        trainer.train()
+        for index, (old, new, mean) in enumerate(
+            zip(
+                fresh.trunk.stages,
+                trainer.network.trunk.stages,
+                trainer.average.trunk.stages,
+                strict=True,
+            )
+        ):
+            pairs = zip(old.parameters(), new.parameters(), mean.parameters(), strict=True)
+            for before, after, average in pairs:
+                assert torch.equal(before, after) == torch.equal(before, average) == (index < 4)
+        old, new = (n.trunk.stages[4][0].project[0].weight for n in (fresh, trainer.network))
+        moved[rate] = float((new - old).detach().abs().median())
+        with torch.no_grad():  # what steps see is the same whole trunk
+            crops = torch.randint(0, 256, (2, 96, 96, 3), dtype=torch.uint8)
+            whole = trainer.network.trunk(crops.permute(0, 3, 1, 2).float() - 127.0)
+            begun = trainer.network.features(crops)
+            assert torch.equal(trainer.network.trunk.finish(begun, 4)[2], whole[2])
+            assert not torch.equal(begun[2], whole[2])
+    assert moved[0.1] == pytest.approx(0.1 * moved[1.0], rel=0.05)  # of Adam's first step
 
 
 def losses_on(device, sampler, folder, own):

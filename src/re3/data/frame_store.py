@@ -35,6 +35,9 @@ ATTEMPTS = 3
 ABANDONED = 24 * 3600.0
 """Seconds after which a half-written file is taken for one of a process that was killed."""
 
+SAMPLE = 65536
+"""Bytes read at the start, in the middle and at the end of a file to tell it from others."""
+
 Stored = tuple[NDArray[np.uint8], float]
 
 
@@ -76,6 +79,7 @@ class FrameStore:
         self._open: dict[Path, tuple[Path, Stored]] = {}
         self._sizes: dict[Path, tuple[int, int]] = {}
         self._images: dict[Path, list[Path]] = {}
+        self._paths: dict[Path, Path] = {}
 
     def frames(self, source: Path) -> tuple[NDArray[np.uint8], float]:
         """All frames of a video or a folder of images.
@@ -149,10 +153,13 @@ class FrameStore:
         return self._images[folder]
 
     def _path(self, source: Path) -> Path:
-        stat = source.stat()
-        identity = f"{source.resolve()}|{stat.st_size}|{stat.st_mtime_ns}|{self.longest_side}"
-        digest = hashlib.sha256(identity.encode()).hexdigest()[:20]
-        return self.folder / f"{source.stem}-{digest}.npy"
+        if source not in self._paths:
+            # Neither where it lies nor when it was written: a dataset that is fetched anew, moved
+            # or touched would be decoded again, and what was made of it before would be left over.
+            digest = hashlib.sha256(f"{self.longest_side}|".encode())
+            digest.update(_content(source))
+            self._paths[source] = self.folder / f"{source.stem}-{digest.hexdigest()[:20]}.npy"
+        return self._paths[source]
 
     def _kept(self, source: Path) -> Stored | None:
         """What is open, marked as used now; None where it is not, or was removed meanwhile."""
@@ -286,6 +293,26 @@ class FrameStore:
 def _mark_used(path: Path) -> None:
     # Not left to the file system: most do not note every access, and reads through a map never.
     os.utime(path, ns=(time.time_ns(), path.stat().st_mtime_ns))
+
+
+def _content(source: Path) -> bytes:
+    """What tells a video, or a folder of images, from others and from itself once it is changed."""
+    if source.is_dir():
+        images = sorted_images(source.iterdir())
+        listed = "|".join(f"{path.name}:{path.stat().st_size}" for path in images)
+        sampled = {images[0], images[len(images) // 2], images[-1]} if images else set()
+        return listed.encode() + b"".join(_sampled(path) for path in sorted(sampled))
+    return _sampled(source)
+
+
+def _sampled(path: Path) -> bytes:
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        parts = [str(size).encode()]
+        for start in (0, (size - SAMPLE) // 2, size - SAMPLE):
+            file.seek(max(start, 0))
+            parts.append(file.read(SAMPLE))
+    return b"|".join(parts)
 
 
 def _write_header(file: BinaryIO, shape: tuple[int, ...]) -> None:

@@ -75,9 +75,24 @@ class TrackingNetwork(StepNetwork):
     def parts(self) -> dict[str, nn.Module]:
         """Everything but the pretrained convolutions, by name."""
 
+    def let_trunk_learn(self, stages: int) -> None:
+        """Leave the last stages of the trunk to `walk` and `unroll`, which gradients pass.
+
+        Args:
+            stages: how many; with 0 `features` is the whole trunk.
+
+        Raises:
+            ValueError: the trunk does not have so many, or none that can be run apart.
+        """
+        if stages:
+            raise ValueError(
+                f"{self.spec().name!r} has no stages of its trunk that learn apart from others; "
+                "take 0 of them, or learn_trunk for all"
+            )
+
     @abstractmethod
     def features(self, crops: Tensor) -> Maps:
-        """Maps of uint8 `[N, S, S, 3]` BGR crops, previous or current."""
+        """Maps of uint8 `[N, S, S, 3]` BGR crops, previous or current; see `let_trunk_learn`."""
 
     @abstractmethod
     def walk(self, seen: Seen, memory: Any | None) -> tuple[Tensor, Any]:

@@ -36,6 +36,9 @@ STAGES = (
 TAPS = {1: 4, 2: 8, 4: 16}
 """Index of the stage whose output is tapped -> stride of that output."""
 
+FEWEST_BEGUN = 3
+"""Stages up to stride 8, whose map is tapped: what comes after them can be run apart."""
+
 OUT_CHANNELS = {4: 24, 8: 40, 16: 112}
 PIXEL_MEAN, PIXEL_SCALE = 127.0, 128.0
 """The ImageNet weights expect RGB as (pixel - mean) / scale. `load_imagenet_weights` folds colour
@@ -123,13 +126,35 @@ class EfficientNetLite0(nn.Module):
         Returns:
             maps of 24, 40 and 112 channels at strides 4, 8 and 16.
         """
+        at4, at8, at16 = self.finish(self.begin(images, len(STAGES)), len(STAGES))
+        return at4, at8, at16
+
+    def begin(self, images: Tensor, stages: int) -> tuple[Tensor, Tensor, Tensor]:
+        """The first stages alone, from images as `forward` takes them.
+
+        Args:
+            images: as of `forward`.
+            stages: how many, `FEWEST_BEGUN` to all of them.
+
+        Returns:
+            maps at strides 4 and 8, and what these stages end with.
+        """
         taps = []
         x = self.stem(images)
-        for index, stage in enumerate(self.stages):
+        for index, stage in enumerate(self.stages[:stages]):
             x = stage(x)
             if index in TAPS:
                 taps.append(x)
-        return taps[0], taps[1], taps[2]
+        return taps[0], taps[1], x
+
+    def finish(
+        self, maps: tuple[Tensor, Tensor, Tensor], stages: int
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """What `forward` gives, from what `begin` gave after so many stages."""
+        at4, at8, x = maps
+        for stage in self.stages[stages:]:
+            x = stage(x)
+        return at4, at8, x
 
 
 def load_imagenet_weights(trunk: EfficientNetLite0, weights: Mapping[str, Tensor]) -> None:

@@ -25,8 +25,10 @@ from re3.geometry import REGRESSION_SCALE
 from re3.model_spec import CropSpec, ModelSpec
 from re3.network.base import Maps, Prediction, Seen, TrackingNetwork
 from re3.network.efficientnet_lite import (
+    FEWEST_BEGUN,
     OUT_CHANNELS,
     PIXEL_MEAN,
+    STAGES,
     EfficientNetLite0,
 )
 from re3.network.peephole_lstm import CellState, FactoredLSTM
@@ -404,13 +406,13 @@ class LiteHead(nn.Module):
         )
         return output, new_state
 
-    def unroll(self, crops: Features, looked: Tensor, steps: int) -> LiteOutput:
+    def unroll(self, embedding: Tensor, looked: Tensor, steps: int) -> LiteOutput:
         """All steps of fresh tracks at once; equals `forward` step by step from the zero state.
 
         Only the LSTM runs step by step, everything else over all steps in one batch.
 
         Args:
-            crops: trunk maps of the current crops, `[steps * N, ...]`, step-major; step 0 is the
+            embedding: of the current crops, `[steps * N, C, G, G]`, step-major; step 0 is the
                 initialisation frame.
             looked: `[steps * N, 4]`, the box of the frame before about which each step's crop was
                 cut, in the crop of the step before, regression units; unused for step 0.
@@ -419,7 +421,6 @@ class LiteHead(nn.Module):
         Returns:
             output for `[steps * N]`, step-major.
         """
-        embedding = self.embedding(crops)
         objects = len(embedding) // steps
         first = self.first_view(embedding[:objects])
         view = torch.cat([first, self.view(embedding[:-objects], looked[objects:])])
@@ -432,11 +433,6 @@ class LiteHead(nn.Module):
             output, state = self.lstm(features[step * objects : (step + 1) * objects], state)
             outputs.append(output)
         return self.read(fused, torch.cat(outputs), view, embedding, template)
-
-
-def _three(maps: Maps) -> Features:
-    at4, at8, at16 = maps
-    return at4, at8, at16
 
 
 def _middle(maps: Tensor, cells: int) -> Tensor:
@@ -452,13 +448,20 @@ class LiteMemory(NamedTuple):
 
 
 class Re3Lite(TrackingNetwork):
-    """Trunk and head: a batch of crops and a state in, corners, score and state out."""
+    """Trunk and head: a batch of crops and a state in, corners, score and state out.
+
+    Attributes:
+        begun: stages of the trunk in `features`; the others learn with the head.
+    """
+
+    trunk: EfficientNetLite0
 
     def __init__(self, config: LiteConfig | None = None) -> None:
         super().__init__()
         self.config = config or LiteConfig()
         self.trunk = EfficientNetLite0()
         self.head = LiteHead(self.config)
+        self.begun = len(STAGES)
 
     def spec(self) -> ModelSpec:
         """What a tracker must know to drive this network."""
@@ -472,13 +475,30 @@ class Re3Lite(TrackingNetwork):
         """The parts of the head, by name."""
         return dict(self.head.named_children())
 
+    def let_trunk_learn(self, stages: int) -> None:
+        """Of EfficientNet-Lite0, those after stride 8 can."""
+        most = len(STAGES) - FEWEST_BEGUN
+        if not 0 <= stages <= most:
+            raise ValueError(
+                f"{stages} stages of the trunk are to learn; expected 0 to {most}, those after "
+                f"stride {STRIDE}, or learn_trunk for all"
+            )
+        self.begun = len(STAGES) - stages
+        for index, stage in enumerate(self.trunk.stages):
+            stage.requires_grad_(index >= self.begun)
+
     def features(self, crops: Tensor) -> Features:
         """Trunk maps of uint8 `[N, S, S, 3]` BGR crops."""
-        return self.trunk(crops.permute(0, 3, 1, 2).float() - PIXEL_MEAN)
+        return self.trunk.begin(crops.permute(0, 3, 1, 2).float() - PIXEL_MEAN, self.begun)
+
+    def _embedding(self, maps: Maps) -> Tensor:
+        at4, at8, last = maps
+        embedding: Tensor = self.head.embedding(self.trunk.finish((at4, at8, last), self.begun))
+        return embedding
 
     def walk(self, seen: Seen, memory: LiteMemory | None) -> tuple[Tensor, LiteMemory]:
         """One step of N tracks, which looks at the frame before about `seen.looked`."""
-        embedding = self.head.embedding(_three(seen.current))
+        embedding = self._embedding(seen.current)
         if memory is None:
             state = self.zero_state(len(embedding), embedding.device)
         else:
@@ -488,7 +508,7 @@ class Re3Lite(TrackingNetwork):
 
     def unroll(self, seen: Seen, steps: int) -> Prediction:
         """All steps of fresh tracks at once; see `LiteHead.unroll`."""
-        output = self.head.unroll(_three(seen.current), seen.looked, steps)
+        output = self.head.unroll(self._embedding(seen.current), seen.looked, steps)
         return Prediction(output.corners, output.score_logit, output.heat_logits)
 
     def forward(self, crops: Tensor, state: LiteState) -> tuple[Tensor, Tensor, LiteState]:
@@ -502,5 +522,5 @@ class Re3Lite(TrackingNetwork):
             corners `[N, 4]` in the current crop times `REGRESSION_SCALE`, expected overlap `[N]`
             in 0..1, and the new state.
         """
-        output, new_state = self.head(self.head.embedding(self.features(crops)), state)
+        output, new_state = self.head(self._embedding(self.features(crops)), state)
         return output.corners, torch.sigmoid(output.score_logit), new_state

@@ -133,6 +133,8 @@ class Recipe:
             trunk is frozen; a few passes give more steps of the optimiser in the same time.
         parts: steps of the optimiser in a pass, each on its share of the sequences.
         learn_trunk: the pretrained trunk is updated as well; otherwise it is frozen.
+        trunk_stages: last stages of a pretrained trunk that is frozen otherwise which learn.
+        trunk_rate: what of the trunk learns does so at this share of the learning rate.
         learns: parts of the head that learn, such as ("score",); all of them where none is named.
     """
 
@@ -149,6 +151,8 @@ class Recipe:
     passes: int = 1
     parts: int = 1
     learn_trunk: bool = False
+    trunk_stages: int = 0
+    trunk_rate: float = 1.0
     learns: tuple[str, ...] = ()
     noise: CropNoise = CropNoise()
     loss: LossWeights = LossWeights()
@@ -165,6 +169,16 @@ class Recipe:
             raise ValueError(
                 f"average is {self.average} and seed {self.seed}; expected an average from 0 to "
                 "below 1 and a seed of 0 or more"
+            )
+        if self.trunk_stages < 0 or not 0 < self.trunk_rate <= 1:
+            raise ValueError(
+                f"trunk_stages is {self.trunk_stages} and trunk_rate {self.trunk_rate}; expected "
+                "0 stages or more and a share above 0 and up to 1"
+            )
+        if self.learn_trunk and self.trunk_stages:
+            raise ValueError(
+                f"learn_trunk, and trunk_stages {self.trunk_stages}: expected one of them, all of "
+                "the trunk or its last stages"
             )
         for phase in self.phases:
             if self.parts < 1 or phase.batch % self.parts:

@@ -86,15 +86,16 @@ class Trainer:
         # Batch normalisation keeps its statistics: batches are small, their crops alike.
         self.network = network.to(self.device.torch).eval()
         network.trunk.requires_grad_(recipe.learn_trunk)
+        if recipe.trunk_stages:
+            network.let_trunk_learn(recipe.trunk_stages)
         choose_parts(network, recipe.learns)
-        for part in network.parts().values():
+        for part in (*network.parts().values(), network.trunk):
             # Convolutions learn a quarter faster with the channels last.
             convert_conv2d_weight_memory_format(part, torch.channels_last)
         self.average = copy.deepcopy(network)
+        groups, self._shares = _groups(network, recipe)
         self.optimizer = torch.optim.AdamW(
-            [p for p in network.parameters() if p.requires_grad],
-            lr=recipe.learning_rate,
-            weight_decay=recipe.weight_decay,
+            groups, lr=recipe.learning_rate, weight_decay=recipe.weight_decay
         )
         self.curriculum = Curriculum(recipe)
         self.iteration = 0
@@ -233,8 +234,8 @@ class Trainer:
 
     def _set_rate(self) -> float:
         rate = self.recipe.rate_at(self.iteration)
-        for group in self.optimizer.param_groups:
-            group["lr"] = rate
+        for group, share in zip(self.optimizer.param_groups, self._shares, strict=True):
+            group["lr"] = rate * share
         return rate
 
     @property
@@ -304,3 +305,17 @@ class Trainer:
                 f"{path} does not fit this model ({error}); "
                 "train into another folder with --out, or remove it"
             ) from error
+
+
+def _groups(
+    network: TrackingNetwork, recipe: Recipe
+) -> tuple[list[dict[str, Any]], list[float]]:
+    """Parameters that learn, of the head and of the trunk, and each group's share of the rate."""
+    trunk = {id(parameter) for parameter in network.trunk.parameters()}
+    learns = [parameter for parameter in network.parameters() if parameter.requires_grad]
+    both = [
+        ([p for p in learns if id(p) not in trunk], 1.0),
+        ([p for p in learns if id(p) in trunk], recipe.trunk_rate),
+    ]
+    used = [(parameters, share) for parameters, share in both if parameters]
+    return [{"params": parameters} for parameters, _ in used], [share for _, share in used]
