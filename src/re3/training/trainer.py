@@ -307,9 +307,7 @@ class Trainer:
             ) from error
 
 
-def _groups(
-    network: TrackingNetwork, recipe: Recipe
-) -> tuple[list[dict[str, Any]], list[float]]:
+def _groups(network: TrackingNetwork, recipe: Recipe) -> tuple[list[dict[str, Any]], list[float]]:
     """Parameters that learn, of the head and of the trunk, and each group's share of the rate."""
     trunk = {id(parameter) for parameter in network.trunk.parameters()}
     learns = [parameter for parameter in network.parameters() if parameter.requires_grad]
