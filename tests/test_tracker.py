@@ -11,6 +11,7 @@ import pytest
 
 import re3
 from re3 import geometry
+from re3.confidence import DOUBTED_FRAMES
 from re3.engine import StepOutput
 from re3.model_spec import CropSpec, ModelSpec
 from re3.result import Status
@@ -213,6 +214,53 @@ def test_a_place_far_below_the_usual_score_is_not_taken(seen, last):
     engine.seen = seen  # where .75 is usual
     results = [tracker.update(frame) for frame in frames[5:]]
     assert results[-1].status is last
+
+
+class ByBrightness(Counter):
+    """Scores what it looks at by how bright it is: 200 is .8."""
+
+    def __init__(self):
+        super().__init__(spec=replace(SPEC, fill=(0.0, 0.0, 0.0)))
+
+    def step(self, previous_crops, current_crops, state):
+        output = super().step(previous_crops, current_crops, state)
+        bright = current_crops.reshape(len(current_crops), -1).max(axis=1)
+        return output._replace(score=(bright / 250).astype(np.float32))
+
+
+def two_places(left, right):
+    frame = np.zeros((200, 400, 3), np.uint8)
+    frame[30:50, 40:64], frame[30:50, 112:136] = round(250 * left), round(250 * right)
+    return frame
+
+
+@pytest.mark.parametrize(
+    ("stranger", "back", "after", "taken"),
+    [
+        (0.7, 0.85, 1, True),
+        (0.7, 0.85, DOUBTED_FRAMES - 1, True),
+        (0.7, 0.85, DOUBTED_FRAMES, False),  # by then it is trusted
+        (0.72, 0.8, 1, False),  # not better by the margin
+        (0.8, 0.95, 1, False),  # scored as usual, nothing to doubt
+    ],
+)
+def test_what_a_search_took_is_left_for_the_object_where_it_was_lost(stranger, back, after, taken):
+    tracker = re3.Tracker(engine=ByBrightness())
+    tracker.init(two_places(0.76, 0.0), BOX)
+    tracker.update(two_places(0.76, 0.0))
+    for _ in range(3):
+        assert tracker.update(two_places(0.0, 0.0)).status is Status.LOST
+    for _ in range(PLACES):
+        found = tracker.update(two_places(0.0, stranger))
+        if found.status is Status.TRACKED:
+            break
+    assert found.box_xywh[0] > 90
+    for _ in range(after - 1):
+        tracker.update(two_places(0.0, stranger))
+    tracker.load_state(tracker.save_state())
+    last = tracker.update(two_places(back, stranger))
+    assert (last.box_xywh[0] < 60) == taken
+    assert last.score == pytest.approx(back if taken else stranger, abs=0.01)
 
 
 def test_a_tracker_told_not_to_search_stays_where_it_is():

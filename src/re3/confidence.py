@@ -34,6 +34,12 @@ FOUND_FROM, FOUND_SHARE = 0.6, 0.85
 the usual score or more: after a long search, somebody else is found otherwise. Chosen on val."""
 
 
+DOUBTED_FRAMES, DOUBT_MARGIN = 30, 0.1
+"""For so many frames after a search, what is followed may be somebody else who stood by: where its
+score is below the usual one, the place that the object was lost at is looked at as well, and taken
+where the score there is higher by the second. Chosen on val: docs/experiments.md."""
+
+
 def status_of(score: float, usual: float = USUAL_AT_FIRST) -> Status:
     """Status of a box by its score; `TRACKED` for a model without score (NaN).
 
@@ -54,6 +60,17 @@ def is_searched_for(score: float, usual: float) -> bool:
 def is_found(score: float, usual: float) -> bool:
     """Whether a place that a search comes past is the object's, by its score there."""
     return score >= max(FOUND_FROM, FOUND_SHARE * usual)
+
+
+def is_doubted(score: float, usual: float, doubted_frames: int) -> bool:
+    """Whether the place that an object was lost at is looked at, though it is not searched for.
+
+    Args:
+        score: of the box.
+        usual: what the object's score usually is.
+        doubted_frames: left of `DOUBTED_FRAMES` since the last search.
+    """
+    return doubted_frames > 0 and SEARCH_SHARE * usual <= score < usual
 
 
 def usual_after(usual: float, score: float) -> float:

@@ -13,8 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from re3 import geometry
 from re3.confidence import (
+    DOUBT_MARGIN,
+    DOUBTED_FRAMES,
     SIDES_CHANGE,
     USUAL_AT_FIRST,
+    is_doubted,
     is_found,
     is_searched_for,
     status_of,
@@ -46,6 +49,8 @@ class _Track:
         trusted_xyxy: `[4]`, the latest box that was neither uncertain nor lost.
         searched_for: frames that the object has been searched for.
         usual_score: what its score usually is (`re3.confidence`).
+        lost_at_xyxy: `[4]`, the box last trusted before the object was searched for.
+        doubted_frames: for which that place is looked at again.
     """
 
     box_xyxy: Floats
@@ -55,7 +60,9 @@ class _Track:
     steps: int
     result: Result
     trusted_xyxy: Floats
+    lost_at_xyxy: Floats
     searched_for: int = 0
+    doubted_frames: int = 0
     usual_score: float = USUAL_AT_FIRST
 
 
@@ -209,16 +216,22 @@ class MultiTracker:
     ) -> list[_Sight]:
         """Sights of the tracks, those of low score replaced where a search is sure of another."""
         height, width = image.shape[:2]
-        looks, whose = [], []
+        looks, whose, least = [], [], []
         for index, (track, sight) in enumerate(zip(tracks, seen, strict=True)):
             if is_searched_for(sight.score, track.usual_score):
                 boxes = places(track.trusted_xyxy, track.searched_for + 1, width, height)
-                looks += [_Look(track, box, track.first_state) for box in boxes]
-                whose += [index] * len(boxes)
-        best = list(seen)
-        for index, sight in zip(whose, self._look(image, looks) if looks else (), strict=True):
-            usual = tracks[index].usual_score
-            if is_found(sight.score, usual) and sight.score >= best[index].score:
+                margin = 0.0
+            elif is_doubted(sight.score, track.usual_score, track.doubted_frames):
+                boxes, margin = track.lost_at_xyxy[None], DOUBT_MARGIN
+            else:
+                continue
+            looks += [_Look(track, box, track.first_state) for box in boxes]
+            whose += [index] * len(boxes)
+            least += [sight.score + margin] * len(boxes)
+        best, looked = list(seen), self._look(image, looks) if looks else ()
+        for index, score, sight in zip(whose, least, looked, strict=True):
+            better = sight.score >= max(score, best[index].score)
+            if better and is_found(sight.score, tracks[index].usual_score):
                 best[index] = sight._replace(by_search=True)
         return best
 
@@ -237,6 +250,8 @@ class MultiTracker:
             saved[prefix + "steps"] = np.array(track.steps)
             saved[prefix + "trusted_xyxy"] = track.trusted_xyxy.copy()
             saved[prefix + "searched_for"] = np.array(track.searched_for)
+            saved[prefix + "lost_at_xyxy"] = track.lost_at_xyxy.copy()
+            saved[prefix + "doubted_frames"] = np.array(track.doubted_frames)
             saved[prefix + "usual_score"] = np.array(track.usual_score)
             saved[prefix + "result"] = np.array(
                 [*result.box_xywh, result.score, result.frame_index], dtype=np.float64
@@ -296,6 +311,8 @@ class MultiTracker:
             steps=int(saved[prefix + "steps"]),
             trusted_xyxy=np.array(saved[prefix + "trusted_xyxy"], np.float64),
             searched_for=int(saved[prefix + "searched_for"]),
+            lost_at_xyxy=np.array(saved[prefix + "lost_at_xyxy"], np.float64),
+            doubted_frames=int(saved[prefix + "doubted_frames"]),
             usual_score=float(saved[prefix + "usual_score"]),
             result=Result(
                 box_xywh=(x, y, w, h),
@@ -314,7 +331,7 @@ class MultiTracker:
         previous = self._crop_previous(image, box)
         nothing = {name: values[0] for name, values in zero_state(spec, 1).items()}
         state = self._look_at_one_frame(image, box, previous, nothing)
-        return _Track(box, previous, state, state, 0, result, trusted_xyxy=box)
+        return _Track(box, previous, state, state, 0, result, trusted_xyxy=box, lost_at_xyxy=box)
 
     def _look_at_one_frame(
         self,
@@ -349,9 +366,12 @@ class MultiTracker:
         track.box_xyxy = box
         searching = is_searched_for(sight.score, track.usual_score)
         track.searched_for = track.searched_for + 1 if searching else 0
+        track.doubted_frames = DOUBTED_FRAMES if searching else max(0, track.doubted_frames - 1)
         track.usual_score = usual_after(track.usual_score, sight.score)
         if status is Status.TRACKED:
             track.trusted_xyxy = box
+        if not track.doubted_frames:
+            track.lost_at_xyxy = track.trusted_xyxy
         track.previous_crop = self._crop_previous(image, box)
         if reset and spec.look_at_reset:
             track.state = self._look_at_one_frame(image, box, track.previous_crop, track.state)
