@@ -53,7 +53,7 @@ class LiteConfig:
             padding). Its middle, the object, is the template.
         skips: outputs of the skip connections from strides 4, 8 and 16 (sec. III-A).
         embedding: of a crop's embedding.
-        adapter: inside the blocks that fit the frozen trunk's maps to tracking.
+        adapter: inside the blocks that fit the trunk's maps to tracking.
         correlation: kept of each correlation.
         fused: of the fused map.
         fully_connected: units of the fully connected layer.
@@ -156,8 +156,8 @@ class ChannelNorm(nn.Module):
 class Adapter(nn.Module):
     """Adds to a map what three convolutions make of it.
 
-    The trunk was trained to tell kinds of things apart and stays as it is; these blocks learn what
-    tells one thing from the next of its kind.
+    The trunk was trained to tell kinds of things apart, and most of it stays as it is; these blocks
+    learn what tells one thing from the next of its kind.
     """
 
     def __init__(self, channels: int, inside: int) -> None:
@@ -435,6 +435,10 @@ class LiteHead(nn.Module):
         return self.read(fused, torch.cat(outputs), view, embedding, template)
 
 
+def _centred(crops: Tensor) -> Tensor:
+    return crops.permute(0, 3, 1, 2).float() - PIXEL_MEAN
+
+
 def _middle(maps: Tensor, cells: int) -> Tensor:
     start = (int(maps.shape[-1]) - cells) // 2
     return maps[:, :, start : start + cells, start : start + cells]
@@ -489,7 +493,7 @@ class Re3Lite(TrackingNetwork):
 
     def features(self, crops: Tensor) -> Features:
         """Trunk maps of uint8 `[N, S, S, 3]` BGR crops."""
-        return self.trunk.begin(crops.permute(0, 3, 1, 2).float() - PIXEL_MEAN, self.begun)
+        return self.trunk.begin(_centred(crops), self.begun)
 
     def _embedding(self, maps: Maps) -> Tensor:
         at4, at8, last = maps
@@ -522,5 +526,5 @@ class Re3Lite(TrackingNetwork):
             corners `[N, 4]` in the current crop times `REGRESSION_SCALE`, expected overlap `[N]`
             in 0..1, and the new state.
         """
-        output, new_state = self.head(self._embedding(self.features(crops)), state)
+        output, new_state = self.head(self.head.embedding(self.trunk(_centred(crops))), state)
         return output.corners, torch.sigmoid(output.score_logit), new_state
