@@ -33,7 +33,6 @@ FOUND_FROM, FOUND_SHARE = 0.6, 0.85
 """A place that a search comes past is taken where its score is the first or more, and that share of
 the usual score or more: after a long search, somebody else is found otherwise. Chosen on val."""
 
-
 DOUBTED_FRAMES, DOUBT_MARGIN = 30, 0.1
 """For so many frames after a search, what is followed may be somebody else who stood by: where its
 score is below the usual one, the place that the object was lost at is looked at as well, and taken

@@ -99,7 +99,7 @@ class MultiTracker:
         threads: of the engine, and of cutting several crops; 0 takes one fewer than there are
             cores, 4 at most.
         search: look for an object that seems lost in a wider and wider area, six crops more a
-            frame.
+            frame; and for a while after, one more, at the place where it was lost.
         mirror: look at every crop mirrored as well, which is more accurate and takes about twice
             as long; None as the model says: `re3-base` does, no other.
 

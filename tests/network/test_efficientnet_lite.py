@@ -3,7 +3,7 @@ import torch
 import torch.nn.functional as F
 
 from re3.network.efficientnet_lite import (
-    FEWEST_BEGUN,
+    FIRST_SPLIT,
     PIXEL_MEAN,
     PIXEL_SCALE,
     STAGES,
@@ -53,7 +53,7 @@ def test_same_padding_is_tensorflows(kernel, side):
     assert conv(image).shape[-1] == -(-side // 2)
 
 
-@pytest.mark.parametrize("stages", range(FEWEST_BEGUN, len(STAGES) + 1))
+@pytest.mark.parametrize("stages", range(FIRST_SPLIT, len(STAGES) + 1))
 def test_begun_and_finished_is_the_whole(stages):
     torch.manual_seed(0)
     trunk, images = EfficientNetLite0().eval(), 50 * torch.randn(2, 3, 64, 64)

@@ -157,7 +157,9 @@ class FrameStore:
             # Neither where it lies nor when it was written: a dataset that is fetched anew, moved
             # or touched would be decoded again, and what was made of it before would be left over.
             digest = hashlib.sha256(f"{self.longest_side}|".encode())
-            digest.update(_content(source))
+            digest.update(
+                _content(self._images_of(source)) if source.is_dir() else _sampled(source)
+            )
             self._paths[source] = self.folder / f"{source.stem}-{digest.hexdigest()[:20]}.npy"
         return self._paths[source]
 
@@ -295,17 +297,15 @@ def _mark_used(path: Path) -> None:
     os.utime(path, ns=(time.time_ns(), path.stat().st_mtime_ns))
 
 
-def _content(source: Path) -> bytes:
-    """What tells a video, or a folder of images, from others and from itself once it is changed."""
-    if source.is_dir():
-        images = sorted_images(source.iterdir())
-        listed = "|".join(f"{path.name}:{path.stat().st_size}" for path in images)
-        sampled = {images[0], images[len(images) // 2], images[-1]} if images else set()
-        return listed.encode() + b"".join(_sampled(path) for path in sorted(sampled))
-    return _sampled(source)
+def _content(images: list[Path]) -> bytes:
+    """What tells a folder of images from others, and from itself once it is changed."""
+    listed = "|".join(f"{path.name}:{path.stat().st_size}" for path in images)
+    sampled = {images[0], images[len(images) // 2], images[-1]} if images else set()
+    return listed.encode() + b"".join(_sampled(path) for path in sorted(sampled))
 
 
 def _sampled(path: Path) -> bytes:
+    """A file's size, and `SAMPLE` bytes at its start, in its middle and at its end."""
     size = path.stat().st_size
     with path.open("rb") as file:
         parts = [str(size).encode()]

@@ -36,8 +36,8 @@ STAGES = (
 TAPS = {1: 4, 2: 8, 4: 16}
 """Index of the stage whose output is tapped -> stride of that output."""
 
-FEWEST_BEGUN = 3
-"""Stages up to stride 8, whose map is tapped: what comes after them can be run apart."""
+FIRST_SPLIT = 3
+"""Stages up to stride 8, whose map is tapped: the trunk can be split behind them or later."""
 
 OUT_CHANNELS = {4: 24, 8: 40, 16: 112}
 PIXEL_MEAN, PIXEL_SCALE = 127.0, 128.0
@@ -134,10 +134,10 @@ class EfficientNetLite0(nn.Module):
 
         Args:
             images: as of `forward`.
-            stages: how many, `FEWEST_BEGUN` to all of them.
+            stages: how many, `FIRST_SPLIT` to all of them.
 
         Returns:
-            maps at strides 4 and 8, and what these stages end with.
+            maps of 24 and 40 channels at strides 4 and 8, and what these stages end with.
         """
         taps = []
         x = self.stem(images)
@@ -150,7 +150,15 @@ class EfficientNetLite0(nn.Module):
     def finish(
         self, maps: tuple[Tensor, Tensor, Tensor], stages: int
     ) -> tuple[Tensor, Tensor, Tensor]:
-        """What `forward` gives, from what `begin` gave after so many stages."""
+        """The stages after the first so many.
+
+        Args:
+            maps: what `begin` gave.
+            stages: as of `begin`.
+
+        Returns:
+            what `forward` gives.
+        """
         at4, at8, x = maps
         for stage in self.stages[stages:]:
             x = stage(x)

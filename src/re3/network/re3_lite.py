@@ -25,7 +25,7 @@ from re3.geometry import REGRESSION_SCALE
 from re3.model_spec import CropSpec, ModelSpec
 from re3.network.base import Maps, Prediction, Seen, TrackingNetwork
 from re3.network.efficientnet_lite import (
-    FEWEST_BEGUN,
+    FIRST_SPLIT,
     OUT_CHANNELS,
     PIXEL_MEAN,
     STAGES,
@@ -455,7 +455,7 @@ class Re3Lite(TrackingNetwork):
     """Trunk and head: a batch of crops and a state in, corners, score and state out.
 
     Attributes:
-        begun: stages of the trunk in `features`; the others learn with the head.
+        split: stages of the trunk in `features`; the others learn with the head.
     """
 
     trunk: EfficientNetLite0
@@ -465,7 +465,7 @@ class Re3Lite(TrackingNetwork):
         self.config = config or LiteConfig()
         self.trunk = EfficientNetLite0()
         self.head = LiteHead(self.config)
-        self.begun = len(STAGES)
+        self.split = len(STAGES)
 
     def spec(self) -> ModelSpec:
         """What a tracker must know to drive this network."""
@@ -481,23 +481,23 @@ class Re3Lite(TrackingNetwork):
 
     def let_trunk_learn(self, stages: int) -> None:
         """Of EfficientNet-Lite0, those after stride 8 can."""
-        most = len(STAGES) - FEWEST_BEGUN
+        most = len(STAGES) - FIRST_SPLIT
         if not 0 <= stages <= most:
             raise ValueError(
                 f"{stages} stages of the trunk are to learn; expected 0 to {most}, those after "
                 f"stride {STRIDE}, or learn_trunk for all"
             )
-        self.begun = len(STAGES) - stages
+        self.split = len(STAGES) - stages
         for index, stage in enumerate(self.trunk.stages):
-            stage.requires_grad_(index >= self.begun)
+            stage.requires_grad_(index >= self.split)
 
     def features(self, crops: Tensor) -> Features:
         """Trunk maps of uint8 `[N, S, S, 3]` BGR crops."""
-        return self.trunk.begin(_centred(crops), self.begun)
+        return self.trunk.begin(_centred(crops), self.split)
 
     def _embedding(self, maps: Maps) -> Tensor:
         at4, at8, last = maps
-        embedding: Tensor = self.head.embedding(self.trunk.finish((at4, at8, last), self.begun))
+        embedding: Tensor = self.head.embedding(self.trunk.finish((at4, at8, last), self.split))
         return embedding
 
     def walk(self, seen: Seen, memory: LiteMemory | None) -> tuple[Tensor, LiteMemory]:

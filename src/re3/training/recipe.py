@@ -65,8 +65,8 @@ class CropNoise:
         drift_limit, drift_scale_limit: largest of each.
         held, held_own: of the log of width and height, an error that stays the same for a whole
             track, with crops at the truth and at own predictions: on top of what differs from step
-            to step, or of each prediction. Meant against errors of
-            size that a network makes grow by itself (docs/experiments.md).
+            to step, or of each prediction. Meant against errors of size that a network makes grow
+            by itself (docs/experiments.md).
         jump: extra shift of the current crop alone, as if the camera had moved.
         jump_scale: likewise, of the log of its width and height.
         jump_limit: largest extra shift; at 3x context the object is then just inside the crop.
@@ -133,8 +133,8 @@ class Recipe:
             trunk is frozen; a few passes give more steps of the optimiser in the same time.
         parts: steps of the optimiser in a pass, each on its share of the sequences.
         learn_trunk: the pretrained trunk is updated as well; otherwise it is frozen.
-        trunk_stages: last stages of a pretrained trunk that is frozen otherwise which learn.
-        trunk_rate: what of the trunk learns does so at this share of the learning rate.
+        trunk_stages: how many of the last stages of an otherwise frozen trunk learn.
+        trunk_rate: share of the learning rate at which the trunk learns, 0 to 1.
         learns: parts of the head that learn, such as ("score",); all of them where none is named.
     """
 
