@@ -38,8 +38,8 @@ def test_a_recipe_written_is_read_back_the_same(file, name):
         ),
         ("learn_trunk: true", replace(FROZEN_TRUNK, learn_trunk=True)),
         (
-            "trunk_stages: 2\ntrunk_rate: 0.3",
-            replace(FROZEN_TRUNK, trunk_stages=2, trunk_rate=0.3),
+            "trunk_stages: 2\ntrunk_rate: 0.3\ntrunk_depthwise: false",
+            replace(FROZEN_TRUNK, trunk_stages=2, trunk_rate=0.3, trunk_depthwise=False),
         ),
         ("learns: [score]", replace(FROZEN_TRUNK, learns=("score",))),
         (

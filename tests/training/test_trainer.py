@@ -437,6 +437,18 @@ def test_the_last_stages_of_a_frozen_trunk_learn_at_their_share_of_the_rate(samp
     assert moved[0.1] == pytest.approx(0.1 * moved[1.0], rel=0.05)  # of Adam's first step
 
 
+def test_depthwise_kernels_of_a_trunk_that_learns_stay_where_the_recipe_says_so(sampler, tmp_path):
+    fresh = tiny_network()
+    recipe = replace(RECIPE, phases=(Phase(2, 2, 0.0, 1),), trunk_stages=1, trunk_depthwise=False)
+    trainer = make(sampler, tmp_path, recipe)
+    trainer.train()
+    old, new = fresh.trunk.stages[4][0], trainer.network.trunk.stages[4][0]
+    assert torch.equal(old.depthwise[0].weight, new.depthwise[0].weight)
+    for layer in ("expand", "project"):
+        assert not torch.equal(getattr(old, layer)[0].weight, getattr(new, layer)[0].weight)
+    assert not torch.equal(old.depthwise[1].weight, new.depthwise[1].weight)  # the norm's
+
+
 def losses_on(device, sampler, folder, own):
     """Of two iterations on a device; whatever it computes in, weights stay in single precision."""
     recipe = replace(RECIPE, phases=(Phase(2, 4, own, 2),))
@@ -452,6 +464,16 @@ def test_mixed_precision_is_near_full_precision(sampler, tmp_path):
     mixed = losses_on(Device("cpu", mixed=True), sampler, tmp_path / "mixed", own=1.0)
     assert mixed != full
     np.testing.assert_allclose(mixed, full, rtol=0.05)
+
+
+def test_in_mixed_precision_boxes_are_read_in_full(sampler, tmp_path):
+    """Corners in 16 bits would lie on a grid: bfloat16 between 4 and 8 has steps of 1/32."""
+    trainer = Trainer(tiny_network(), sampler, RECIPE, tmp_path, device=Device("cpu", mixed=True))
+    seen: list[torch.Tensor] = []
+    trainer.network.head.heat.register_forward_hook(lambda *call: seen.append(call[2]))
+    learnt = trainer._step(Phase(2, 4, 0.0, 1))
+    assert seen[-1].dtype == torch.float32
+    assert not torch.equal(learnt.corners, learnt.corners.bfloat16().float())
 
 
 @pytest.mark.slow

@@ -426,13 +426,21 @@ class LiteHead(nn.Module):
         view = torch.cat([first, self.view(embedding[:-objects], looked[objects:])])
         template = self.object_part(first).repeat(steps, 1, 1, 1)
         fused, features = self.look(view, embedding, template)
+        with torch.autocast(fused.device.type, enabled=False):
+            # What adds up over steps or cells loses its last pixels in 16 bits.
+            recurrent = self._recur(features.float(), objects)
+            seen = (view.float(), embedding.float(), template.float())
+            return self.read(fused.float(), recurrent, *seen)
+
+    def _recur(self, features: Tensor, objects: int) -> Tensor:
+        """The LSTM's output `[steps * N, units]` from the visual features of fresh tracks."""
         zero = features.new_zeros(objects, self.config.lstm_units)
         state = (CellState(zero, zero), CellState(zero, zero))
         outputs = []
-        for step in range(steps):
-            output, state = self.lstm(features[step * objects : (step + 1) * objects], state)
+        for step in features.split(objects):
+            output, state = self.lstm(step, state)
             outputs.append(output)
-        return self.read(fused, torch.cat(outputs), view, embedding, template)
+        return torch.cat(outputs)
 
 
 def _centred(crops: Tensor) -> Tensor:

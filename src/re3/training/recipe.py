@@ -135,6 +135,8 @@ class Recipe:
         learn_trunk: the pretrained trunk is updated as well; otherwise it is frozen.
         trunk_stages: how many of the last stages of an otherwise frozen trunk learn.
         trunk_rate: share of the learning rate at which the trunk learns, 0 to 1.
+        trunk_depthwise: the depthwise convolutions of a trunk that learns do so as well. On a CPU
+            the gradients of these few weights take as long as those of many others.
         learns: parts of the head that learn, such as ("score",); all of them where none is named.
     """
 
@@ -153,6 +155,7 @@ class Recipe:
     learn_trunk: bool = False
     trunk_stages: int = 0
     trunk_rate: float = 1.0
+    trunk_depthwise: bool = True
     learns: tuple[str, ...] = ()
     noise: CropNoise = CropNoise()
     loss: LossWeights = LossWeights()

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from torch import nn
 from torch.nn.utils import convert_conv2d_weight_memory_format
 
 from re3.data.sampling import ClipSampler
@@ -88,6 +89,8 @@ class Trainer:
         network.trunk.requires_grad_(recipe.learn_trunk)
         if recipe.trunk_stages:
             network.let_trunk_learn(recipe.trunk_stages)
+        if not recipe.trunk_depthwise:
+            _freeze_depthwise(network.trunk)
         choose_parts(network, recipe.learns)
         for part in (*network.parts().values(), network.trunk):
             # Convolutions learn a quarter faster with the channels last.
@@ -305,6 +308,12 @@ class Trainer:
                 f"{path} does not fit this model ({error}); "
                 "train into another folder with --out, or remove it"
             ) from error
+
+
+def _freeze_depthwise(trunk: nn.Module) -> None:
+    for module in trunk.modules():
+        if isinstance(module, nn.Conv2d) and module.groups > 1:
+            module.requires_grad_(False)
 
 
 def _groups(network: TrackingNetwork, recipe: Recipe) -> tuple[list[dict[str, Any]], list[float]]:
