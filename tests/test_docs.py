@@ -10,6 +10,7 @@ import pytest
 
 import re3
 from documents import PAGES, ROOT, text_of
+from re3.models import list_models
 
 IMAGES = ROOT / "docs" / "images"
 LARGEST_PICTURE, ALL_PICTURES = 150_000, 1_000_000
@@ -62,6 +63,41 @@ def test_a_page_beside_the_navigation_is_a_failure(monkeypatch, tmp_path):
 def test_the_tables_are_up_to_date():
     done = run("tables.py", "--check")
     assert done.returncode == 0, done.stdout
+
+
+def test_the_cards_say_what_the_reports_say(monkeypatch):
+    cards = tool("cards", monkeypatch)
+    for card in list_models():
+        if card.shipped:
+            measured = cards.measured(card.name)
+            assert measured.pop("accuracy") == card.accuracy
+            assert measured.pop("speed_fps") == card.speed_fps
+            assert measured == {name: card.details[name] for name in measured}
+
+
+def test_a_page_without_figures_is_no_report(monkeypatch, tmp_path):
+    pages = tool("report_pages", monkeypatch)
+    (tmp_path / "page.md").write_text("# Speed\n\n## Remarks\n\n- none\n")
+    with pytest.raises(ValueError, match=r"page\.md has no figures of any dataset; expected a rep"):
+        pages.read_page(tmp_path / "page.md")
+
+
+def test_a_report_is_read_by_dataset_and_table(monkeypatch, tmp_path):
+    pages = tool("report_pages", monkeypatch)
+    (tmp_path / "page.md").write_text(
+        "# One pass\n\n- command: `re3 eval a`\n\n## a: 1 sequence, ope\n\n"
+        "| tracker | AUC |\n| --- | ---: |\n| kcf | 0.5 |\n\n### AUC by sequence\n\n"
+        "| sequence | kcf |\n| --- | ---: |\n| one | 0.5 |\n\n## Remarks\n\n- none\n"
+    )
+    page = pages.read_page(tmp_path / "page.md")
+    assert page.head == {"command": "`re3 eval a`"}
+    assert page.datasets == {
+        "a": {
+            "": [["tracker", "AUC"], ["kcf", "0.5"]],
+            "AUC by sequence": [["sequence", "kcf"], ["one", "0.5"]],
+        }
+    }
+    assert pages.column(page.datasets["a"][""], "AUC") == {"kcf": "0.5"}
 
 
 def test_every_picture_is_used_made_by_a_command_and_small():

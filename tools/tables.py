@@ -3,8 +3,8 @@
     python tools/tables.py            # write them
     python tools/tables.py --check    # exit code 1 where one is not up to date
 
-Figures come from the model cards (src/re3/weights/*.json), docs/benchmarks.md and
-docs/benchmarks-speed.md, which `re3 eval` writes. A place is marked by two comments:
+Figures come from the model cards (src/re3/weights/*.json) and from the pages docs/benchmarks*.md,
+which `re3 eval` writes (`make measure`). A place is marked by two comments:
 
     <!-- table: models -->
     <!-- end of table -->
@@ -18,15 +18,12 @@ import sys
 from pathlib import Path
 
 from re3.models import ModelCard, list_models
+from report_pages import ABSENT, ACCURACY, HIDDEN, SPEED, Rows, column, read_page
 
 ROOT = Path(__file__).parents[1]
-PAGES = (ROOT / "README.md", ROOT / "docs" / "models.md")
-ACCURACY = ROOT / "docs" / "benchmarks.md"
-SPEED = ROOT / "docs" / "benchmarks-speed.md"
+PAGES = (ROOT / "README.md", ROOT / "docs" / "models.md", ROOT / "docs" / "occlusion.md")
 NOT_MEASURED = "\N{EN DASH}"
-PLACE = re.compile(r"(<!-- table: ([a-z]+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
-
-Rows = list[list[str]]
+PLACE = re.compile(r"(<!-- table: ([a-z-]+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
 
 
 def main() -> int:
@@ -70,17 +67,69 @@ def models() -> str:
 
 def trackers() -> str:
     """AUC of every tracker on every dataset of the report; its speed where that was measured."""
-    report = ACCURACY.read_text(encoding="utf-8")
-    (data,) = re.findall(r"^- data: (.*)$", report, flags=re.MULTILINE)
-    names = ["/".join(path.split("/")[-2:]) for path in re.findall(r"`([^`]+)`", data)]
-    accuracy = [column(section, "AUC") for section in first_tables(report)]
-    (speed_report,) = first_tables(SPEED.read_text(encoding="utf-8"))
-    fps = column(speed_report, "FPS")
+    report, speed = read_page(ACCURACY), read_page(SPEED)
+    names = [
+        "/".join(path.split("/")[-2:]) for path in re.findall(r"`([^`]+)`", report.head["data"])
+    ]
+    accuracy = [column(tables[""], "AUC") for tables in report.datasets.values()]
+    (fast,) = speed.datasets.values()
+    fps = column(fast[""], "FPS")
     rows = [["tracker", *(f"{name} AUC" for name in names), "FPS on four DAVIS clips"]]
     for tracker in accuracy[0]:
-        speed = f"{float(fps[tracker]):.0f}" if tracker in fps else NOT_MEASURED
-        rows.append([tracker, *(values[tracker] for values in accuracy), speed])
+        frames = f"{float(fps[tracker]):.0f}" if tracker in fps else NOT_MEASURED
+        rows.append([tracker, *(values[tracker] for values in accuracy), frames])
     return markdown(rows, numbers=True)
+
+
+def alive() -> str:
+    """Share of tracks that are alive again after so many hidden frames, and how many clips."""
+    values = _hidden("alive")
+    clips = _hidden("clips")
+    first = next(iter(clips))
+    short = [[tracker, *(f"{float(v):.2f}" for v in row)] for tracker, row in values.items()]
+    return markdown([["tracker", *_hidden_names()], *short, ["clips", *clips[first]]], numbers=True)
+
+
+def overlap() -> str:
+    """Mean overlap once a hidden object is back."""
+    rows = [[tracker, *row] for tracker, row in _hidden("overlap").items()]
+    return markdown([["tracker", *_hidden_names()], *rows], numbers=True)
+
+
+def absent() -> str:
+    """AUC and precision over clips in which the object leaves."""
+    (tables,) = read_page(ABSENT).datasets.values()
+    auc, precise = column(tables[""], "AUC"), column(tables[""], "P@20")
+    rows = [[tracker, auc[tracker], precise[tracker]] for tracker in auc]
+    return markdown([["tracker", "AUC", "P@20"], *rows], numbers=True)
+
+
+def absent_clips() -> str:
+    """AUC of each of these clips."""
+    (tables,) = read_page(ABSENT).datasets.values()
+    return markdown(tables["AUC by sequence"], numbers=True)
+
+
+def _hidden_names() -> list[str]:
+    """`davis 5` for davis-hidden-5: all lengths of one dataset, then of the next."""
+    return [f"{dataset} {frames}" for dataset, frames in _hidden_order()]
+
+
+def _hidden_order() -> list[tuple[str, int]]:
+    pages = [name.split("-hidden-") for name in read_page(HIDDEN).datasets]
+    datasets = list(dict.fromkeys(dataset for dataset, _ in pages))
+    pairs = [(dataset, int(frames)) for dataset, frames in pages]
+    return sorted(pairs, key=lambda pair: (datasets.index(pair[0]), pair[1]))
+
+
+def _hidden(measure: str) -> dict[str, list[str]]:
+    """Tracker -> a measure of every dataset and length."""
+    found = read_page(HIDDEN).datasets
+    columns = [
+        column(found[f"{dataset}-hidden-{frames}"][""], measure)
+        for dataset, frames in _hidden_order()
+    ]
+    return {tracker: [values[tracker] for values in columns] for tracker in columns[0]}
 
 
 def cards() -> str:
@@ -112,23 +161,6 @@ def _card(card: ModelCard) -> str:
     return markdown([["", ""], *([k, str(v)] for k, v in lines.items())], numbers=False)
 
 
-def first_tables(report: str) -> list[Rows]:
-    """The first table of each dataset in a report of `re3 eval`."""
-    sections = re.split(r"^## .*sequences, ope$", report, flags=re.MULTILINE)[1:]
-    tables = [re.search(r"(^\|.*\n)+", section, flags=re.MULTILINE) for section in sections]
-    return [
-        [[cell.strip() for cell in line.strip("|").split("|")] for line in found[0].splitlines()]
-        for found in tables
-        if found
-    ]
-
-
-def column(table: Rows, name: str) -> dict[str, str]:
-    """First cell of each row -> its cell under a heading."""
-    index = table[0].index(name)
-    return {row[0]: row[index] for row in table[2:]}
-
-
 def markdown(rows: Rows, numbers: bool) -> str:
     """A table; `numbers` puts all but the first column to the right."""
     rest = "---:" if numbers else "---"
@@ -136,7 +168,15 @@ def markdown(rows: Rows, numbers: bool) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
-TABLES = {"models": models, "trackers": trackers, "cards": cards}
+TABLES = {
+    "models": models,
+    "trackers": trackers,
+    "cards": cards,
+    "alive": alive,
+    "overlap": overlap,
+    "absent": absent,
+    "absent-clips": absent_clips,
+}
 
 
 if __name__ == "__main__":
