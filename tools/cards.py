@@ -9,7 +9,6 @@ docs/benchmarks-speed.md. What a card says of training is written by hand.
 from __future__ import annotations
 
 import json
-import re
 from typing import Any
 
 from re3.models import WEIGHTS, list_models
@@ -31,13 +30,11 @@ def main() -> None:
 def measured(model: str) -> dict[str, Any]:
     """The fields of a model's card that the two pages know."""
     accuracy, speed = read_page(ACCURACY), read_page(SPEED)
-    folders = re.findall(r"`([^`]+)`", accuracy.head["data"])
-    names = ["/".join(folder.split("/")[-2:]) for folder in folders]
     (fast,) = speed.datasets.values()
     return {
         "accuracy": {
             f"{name} AUC": float(column(tables[""], "AUC")[model])
-            for name, tables in zip(names, accuracy.datasets.values(), strict=True)
+            for name, tables in zip(accuracy.folders(), accuracy.datasets.values(), strict=True)
         },
         "speed_fps": float(column(fast[""], "FPS")[model]),
         "speed_command": speed.head["command"].strip("`"),

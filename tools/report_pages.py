@@ -27,6 +27,11 @@ class ReportPage:
     head: dict[str, str]
     datasets: dict[str, dict[str, Rows]]
 
+    def folders(self) -> list[str]:
+        """`val/davis` of ../shared/data/val/davis: of every dataset, in their order."""
+        paths = re.findall(r"`([^`]+)`", self.head["data"])
+        return ["/".join(path.split("/")[-2:]) for path in paths]
+
 
 def read_page(path: Path) -> ReportPage:
     """A page that `re3 eval` wrote.

@@ -68,13 +68,10 @@ def models() -> str:
 def trackers() -> str:
     """AUC of every tracker on every dataset of the report; its speed where that was measured."""
     report, speed = read_page(ACCURACY), read_page(SPEED)
-    names = [
-        "/".join(path.split("/")[-2:]) for path in re.findall(r"`([^`]+)`", report.head["data"])
-    ]
     accuracy = [column(tables[""], "AUC") for tables in report.datasets.values()]
     (fast,) = speed.datasets.values()
     fps = column(fast[""], "FPS")
-    rows = [["tracker", *(f"{name} AUC" for name in names), "FPS on four DAVIS clips"]]
+    rows = [["tracker", *(f"{name} AUC" for name in report.folders()), "FPS on four DAVIS clips"]]
     for tracker in accuracy[0]:
         frames = f"{float(fps[tracker]):.0f}" if tracker in fps else NOT_MEASURED
         rows.append([tracker, *(values[tracker] for values in accuracy), frames])
