@@ -92,7 +92,7 @@ def print_speed(plain: Path, small: Path, rounds: int) -> None:
     from re3.benchmark.contenders import Entry
     from re3.benchmark.footage import made_footage
     from re3.benchmark.measure import over_rounds, take_turns
-    from re3.engine.threads import usable_cores
+    from re3.cores import usable_cores
 
     cores = usable_cores()  # for all alike
 

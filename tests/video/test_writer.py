@@ -1,3 +1,4 @@
+import os
 from fractions import Fraction
 
 import av
@@ -23,6 +24,14 @@ def test_what_is_written_plays_in_a_browser(tmp_path, fps):
         assert (stream.width, stream.height) == (64, 48)
         assert stream.average_rate == Fraction(fps)
         assert sum(1 for _ in container.decode(video=0)) == 5
+
+
+@pytest.mark.parametrize(("cores", "threads"), [(1, 1), (2, 1), (4, 3)])
+def test_encoding_leaves_a_core_to_tracking(tmp_path, monkeypatch, cores, threads):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(cores)), raising=False)
+    write(tmp_path / "v.mp4", 3, size=(640, 480))
+    # x264 notes its settings in the stream.
+    assert b" threads=%d " % threads in (tmp_path / "v.mp4").read_bytes()
 
 
 def test_odd_sizes_get_one_more_line(tmp_path):

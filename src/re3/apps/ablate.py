@@ -188,7 +188,7 @@ def ablate(
         from re3.apps.ablate_output import show_sizes
         from re3.apps.ablate_study import Asked, Study
         from re3.apps.validation import clips_of
-        from re3.engine.threads import usable_cores
+        from re3.cores import usable_cores
         from re3.network.table_one import SCALES
         from re3.training.ablation import chosen_sources
         from re3.training.errors import TrainingError

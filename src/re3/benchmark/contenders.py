@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from re3.benchmark.footage import Box
+from re3.cores import usable_cores
 from re3.engine import find_file, load_engine
-from re3.engine.threads import usable_cores, usable_threads
+from re3.engine.threads import usable_threads
 from re3.evaluation.one_pass import close
 from re3.evaluation.peers import SequenceTracker, find_tracker
 from re3.model_spec import DATA_SUFFIX

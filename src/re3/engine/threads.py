@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+from re3.cores import spare_cores
 
 MOST = 4
 """A step of one object is short: more threads would wait for each other most of the time."""
@@ -16,11 +16,4 @@ def usable_threads() -> int:
     of them wait. On two cores, with another program on each, a step of re3-lite took 24 ms with
     two threads and 10 ms with one; on idle cores 4.3 and 6.7 ms (`docs/speed.md`).
     """
-    return min(max(usable_cores() - 1, 1), MOST)
-
-
-def usable_cores() -> int:
-    """Logical cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    return min(spare_cores(), MOST)

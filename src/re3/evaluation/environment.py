@@ -13,7 +13,7 @@ import numpy as np
 import onnxruntime
 
 import re3
-from re3.engine.threads import usable_cores
+from re3.cores import usable_cores
 
 
 @dataclass(frozen=True)

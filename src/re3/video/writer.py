@@ -14,6 +14,7 @@ from av.error import FFmpegError
 from av.video.reformatter import VideoReformatter
 from numpy.typing import NDArray
 
+from re3.cores import spare_cores
 from re3.video.partial import PartialFile
 
 BT709 = 1
@@ -132,6 +133,8 @@ class VideoWriter:
         self._stream.pix_fmt = "yuv420p"
         self._stream.options = {"preset": "veryfast", "crf": "20"}
         context = self._stream.codec_context
+        # One more for each core makes a video alone sooner, but not one that is tracked meanwhile.
+        context.thread_count = spare_cores()
         context.colorspace = context.color_primaries = context.color_trc = BT709
         context.color_range = LIMITED_RANGE
         return partial
