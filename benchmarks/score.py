@@ -1,27 +1,30 @@
 """What the score is worth: how well it tells good boxes from failures, on annotated clips.
 
     python benchmarks/score.py ../shared/data/val
-    python benchmarks/score.py clips --hide 20
+    python benchmarks/score.py clips --hide 0 --hide 20 --leave-out mislabelled
 
 Prints the area under the ROC curve for "overlap below 0.2", the calibration error, and, for
 candidate thresholds, which share of failures falls below each and of good boxes, and which share of
-losses is noticed within 10 frames. Then the same for frames in which the object is not in sight:
-where the annotation says so, or, with `--hide N`, where something hides it for N frames. Last what
-is called uncertain or lost, by the rule of `re3.confidence`, whose values were chosen from this.
-A loss is the first of five frames or more on end without overlap. The tracker does not search for
-what it has lost here, so that all models are judged on where they go by themselves.
+losses is noticed within 10 frames; and which clips the failures are of. Then the same for frames in
+which the object is not in sight: where the annotation says so, or, with `--hide N`, where something
+hides it for N frames. Last what is called uncertain or lost, by the rule of `re3.confidence`, whose
+values were chosen from this. A loss is the first of five frames or more on end without overlap; an
+object that is hidden is lost as well. An alarm is the first of the frames on end that are called
+so, a false one if its box is good. The tracker does not search for what it has lost here, so that
+all models are judged on where they go by themselves.
 """
 
 from __future__ import annotations
 
 import argparse
+from collections import Counter
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from re3.confidence import USUAL_AT_FIRST, status_of, usual_after
+from re3.confidence import ScoreMemory
 from re3.data.hiding import HiddenSequence, hide
 from re3.data.plain import read_folder
 from re3.data.sequence import Sequence
@@ -50,12 +53,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("data", nargs="+", type=Path)
     parser.add_argument("--model", default=DEFAULT_MODEL)
-    parser.add_argument("--hide", type=int, default=0, help="frames that each object is hidden for")
+    parser.add_argument(
+        "--hide",
+        action="append",
+        type=int,
+        help="frames that each object is hidden for, 0 for none; repeat for clips of several kinds",
+    )
+    parser.add_argument("--leave-out", action="append", default=[], help="name of a clip")
     arguments = parser.parse_args()
     sequences = [s for d in arguments.data for s in read_folder(d)]
-    if arguments.hide:
-        sequences = hide(sequences, [arguments.hide])
-    tracks = collect(sequences, arguments.model)
+    if unknown := set(arguments.leave_out) - {sequence.name for sequence in sequences}:
+        parser.error(f"no clip {', '.join(sorted(unknown))} to leave out in what was given")
+    sequences = [s for s in sequences if s.name not in arguments.leave_out]
+    clips = [s for n in arguments.hide or [0] for s in (hide(sequences, [n]) if n else sequences)]
+    tracks = collect(clips, arguments.model)
     scores = np.concatenate([track.scores for track in tracks])
     overlaps = np.concatenate([track.overlaps for track in tracks])
     absent = np.concatenate([track.absent_scores for track in tracks])
@@ -64,6 +75,12 @@ def main() -> None:
     print(
         f"{len(tracks)} tracks, {len(scores)} boxes, {failed.mean():.1%} failures, "
         f"{good.mean():.1%} good, {len(losses)} losses"
+    )
+    most = Counter({t.name: 0 for t in tracks})
+    for track in tracks:
+        most[track.name] += int((track.overlaps < FAILURE).sum())
+    print(
+        "failures in", ", ".join(f"{name} {count}" for name, count in most.most_common() if count)
     )
     print(f"ROC AUC for failure: {roc_auc(-scores, failed):.3f}")
     print(
@@ -82,19 +99,38 @@ def main() -> None:
         both = np.concatenate([absent, scores[good]])
         gone = np.arange(len(both)) < len(absent)
         print(f"ROC AUC for not in sight against good: {roc_auc(-both, gone):.3f}")
-    print("called             failures  losses noticed  not in sight  good, of 1,000")
+    print("called             failures  losses noticed  not in sight  good, of 1,000  false alarms")
     for name, worst in (("uncertain or lost", Status.TRACKED), ("lost", Status.UNCERTAIN)):
-        called = np.concatenate([_worse(track.statuses, worst) for track in tracks])
-        gone = np.concatenate([_worse(track.absent_statuses, worst) for track in tracks])
-        noticed = [
-            _worse(track.statuses[start : start + NOTICED_WITHIN], worst).any()
-            for track in tracks
-            for start in find_losses(track.overlaps)
-        ]
-        print(
-            f"{name:17}  {called[failed].mean():8.1%}  {np.mean(noticed):14.1%}  "
-            f"{gone.mean() if len(gone) else np.nan:12.1%}  {1000 * called[good].mean():14.1f}"
-        )
+        _print_called(name, worst, tracks)
+
+
+def _print_called(name: str, worst: Status, tracks: list[Scores]) -> None:
+    """What is called worse than a status."""
+    failures: list[bool] = []
+    noticed: list[bool] = []
+    gone: list[bool] = []
+    right: list[bool] = []
+    alarms = 0
+    for track in tracks:
+        called = _worse(track.statuses, worst)
+        absent = track.absent
+        known, overlap = called[~absent], track.overlaps
+        failures += list(known[overlap < FAILURE])
+        right += list(known[overlap >= GOOD])
+        gone += list(called[absent])
+        noticed += [known[t : t + NOTICED_WITHIN].any() for t in find_losses(overlap)]
+        if track.hidden_from is not None:
+            noticed.append(called[track.hidden_from :][:NOTICED_WITHIN].any())
+        begins = called & ~np.concatenate([[False], called[:-1]])
+        alarms += int((begins[~absent] & (overlap >= GOOD)).sum())
+    print(
+        f"{name:17}  {_share(failures):8.1%}  {_share(noticed):8.1%} of {len(noticed):2}  "
+        f"{_share(gone):12.1%}  {1000 * _share(right):14.1f}  {1000 * alarms / len(right):12.2f}"
+    )
+
+
+def _share(found: list[bool]) -> float:
+    return float(np.mean(found)) if found else np.nan
 
 
 def _worse(statuses: list[Status], than: Status) -> NDArray[np.bool_]:
@@ -103,13 +139,24 @@ def _worse(statuses: list[Status], than: Status) -> NDArray[np.bool_]:
 
 
 class Scores(NamedTuple):
-    """Of one track: of the boxes that have a truth, and of those where nothing is in sight."""
+    """Of one track: all boxes but the first that have a truth, or of which nothing is in sight.
 
+    Attributes:
+        name: of the clip.
+        scores, overlaps: of those that have a truth.
+        absent_scores: of those of which nothing is in sight.
+        statuses: of either kind, in order.
+        absent: which of these are of the second.
+        hidden_from: the first of these that is hidden by us; None where nothing is.
+    """
+
+    name: str
     scores: Values
-    statuses: list[Status]
     overlaps: Values
     absent_scores: Values
-    absent_statuses: list[Status]
+    statuses: list[Status]
+    absent: NDArray[np.bool_]
+    hidden_from: int | None
 
 
 def collect(sequences: list[Sequence], model: str) -> list[Scores]:
@@ -120,32 +167,32 @@ def collect(sequences: list[Sequence], model: str) -> list[Scores]:
     for sequence in sequences:
         track = run_one_pass(factory, sequence)
         overlap = iou_xywh(track.boxes_xywh, sequence.boxes_xywh)
-        known = np.isfinite(overlap)
-        absent = ~known
-        absent[: np.argmax(known)] = False
-        known[np.argmax(known)] = False
+        after = int(np.argmax(np.isfinite(overlap))) + 1
+        overlap, scores = overlap[after:], track.scores[after:]
+        absent, hidden_from = ~np.isfinite(overlap), None
         if isinstance(sequence, HiddenSequence):
-            absent[sequence.hidden_from : sequence.hidden_to] = True
-            known &= ~absent
-        statuses = _statuses(track.scores)
+            hidden_from = sequence.hidden_from - after
+            absent[hidden_from : sequence.hidden_to - after] = True
         tracks.append(
             Scores(
-                track.scores[known],
-                [s for s, keep in zip(statuses, known, strict=True) if keep],
-                overlap[known],
-                track.scores[absent],
-                [s for s, keep in zip(statuses, absent, strict=True) if keep],
+                sequence.name,
+                scores[~absent],
+                overlap[~absent],
+                scores[absent],
+                _statuses(scores),
+                absent,
+                hidden_from,
             )
         )
     return tracks
 
 
 def _statuses(scores: Values) -> list[Status]:
-    """What the tracker calls each box; NaN before the first is passed over."""
-    usual, statuses = USUAL_AT_FIRST, []
+    """What the tracker calls each box."""
+    memory, statuses = ScoreMemory(), []
     for score in scores:
-        statuses.append(status_of(score, usual))
-        usual = usual_after(usual, score)
+        statuses.append(memory.status(score))
+        memory = memory.after(score)
     return statuses
 
 

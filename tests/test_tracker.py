@@ -364,8 +364,9 @@ def test_what_a_score_means_depends_on_what_it_usually_is():
         again = re3.Tracker(engine=engine, search=False)
         again.load_state(tracker.save_state())  # it is part of the state
         engine.score = 0.5
-        statuses.append([one.update(noise()).status for one in (tracker, again)])
-    assert statuses == [[Status.LOST] * 2, [Status.TRACKED] * 2]
+        statuses.append([one.update(noise()).status for _ in range(2) for one in (tracker, again)])
+    lasting = [Status.UNCERTAIN] * 2 + [Status.LOST] * 2
+    assert statuses == [lasting, [Status.TRACKED] * 4]
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,8 @@ for both calls the second lost when it is not, or the first tracked when it is n
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from re3.result import Status
 
 USUAL_AT_FIRST = 0.75
@@ -17,12 +19,20 @@ USUAL_AT_LEAST = 0.65
 RATE = 0.05
 """Share of a new score in the usual one."""
 
-UNCERTAIN_SHARE = 0.75
-SEARCH_SHARE = 0.7
-LOST_SHARE = 0.55
-"""Shares of the usual score below which a box is uncertain, the object is searched for, and it is
-lost. Chosen, with the two values above, from what `benchmarks/score.py` prints on val, with objects
-hidden for 20 frames and without: docs/experiments.md. A box that is not called lost may well be."""
+UNCERTAIN_SHARE, SEARCH_SHARE = 0.75, 0.7
+"""Shares of the usual score below which a box is uncertain, and the object is searched for."""
+
+RECENT_RATE, RECENT_AT_LEAST = 0.2, 0.5
+"""The same of the score of the last few frames: what is lost falls from one frame to the next,
+while objects that bend or turn are scored lower for a while."""
+
+LOST_SHARE, LOST_FRAMES = 0.7, 2
+"""An uncertain box below that share of the recent score, for so many frames on end, is lost."""
+
+LOST_AT_ONCE_SHARE = 0.45
+"""Below that share it is lost in the first of them. All these values were chosen from what
+`benchmarks/score.py` prints on val, with objects hidden and without: docs/experiments.md. A box
+that is not called lost may well be."""
 
 SIDES_CHANGE = 1.5
 """As long as it is uncertain or lost, a box has sides of at most so many times, and at least that
@@ -39,16 +49,48 @@ score is below the usual one, the place that the object was lost at is looked at
 where the score there is higher by the second. Chosen on val: docs/experiments.md."""
 
 
-def status_of(score: float, usual: float = USUAL_AT_FIRST) -> Status:
-    """Status of a box by its score; `TRACKED` for a model without score (NaN).
+@dataclass(frozen=True)
+class ScoreMemory:
+    """What is remembered of an object's scores.
 
-    Args:
-        score: of the box, expected overlap in 0..1.
-        usual: what the object's score usually is, see `usual_after`.
+    Attributes:
+        usual: what its score usually is.
+        recent: what it was in the last frames in which it was near that.
+        low_frames: on end, up to now, with a score below `LOST_SHARE` of that.
+        lost: whether its last box was.
     """
-    if score < LOST_SHARE * usual:
-        return Status.LOST
-    return Status.UNCERTAIN if score < UNCERTAIN_SHARE * usual else Status.TRACKED
+
+    usual: float = USUAL_AT_FIRST
+    recent: float = USUAL_AT_FIRST
+    low_frames: int = 0
+    lost: bool = False
+
+    def status(self, score: float) -> Status:
+        """Of the next box; `TRACKED` for a model without score (NaN).
+
+        Args:
+            score: of the box, expected overlap in 0..1.
+        """
+        if not score < UNCERTAIN_SHARE * self.usual:
+            return Status.TRACKED
+        lasting = score < LOST_SHARE * self.recent and self.low_frames + 1 >= LOST_FRAMES
+        at_once = score < LOST_AT_ONCE_SHARE * self.recent
+        return Status.LOST if self.lost or lasting or at_once else Status.UNCERTAIN
+
+    def after(self, score: float) -> ScoreMemory:
+        """What is remembered after one more score.
+
+        Frames in which the object is searched for do not count as usual, or any box would do after
+        a while.
+        """
+        usual, recent = self.usual, self.recent
+        low = score < LOST_SHARE * recent
+        if score >= SEARCH_SHARE * usual:
+            usual = max((1 - RATE) * usual + RATE * score, USUAL_AT_LEAST)
+        if score >= LOST_SHARE * recent:
+            recent = max((1 - RECENT_RATE) * recent + RECENT_RATE * score, RECENT_AT_LEAST)
+        lost = self.status(score) is Status.LOST
+        return ScoreMemory(usual, recent, self.low_frames + 1 if low else 0, lost)
 
 
 def is_searched_for(score: float, usual: float) -> bool:
@@ -70,13 +112,3 @@ def is_doubted(score: float, usual: float, doubted_frames: int) -> bool:
         doubted_frames: left of `DOUBTED_FRAMES` since the last search.
     """
     return doubted_frames > 0 and SEARCH_SHARE * usual <= score < usual
-
-
-def usual_after(usual: float, score: float) -> float:
-    """What the score usually is, after one more: a mean that forgets.
-
-    Frames in which the object is searched for do not count, or any box would do after a while.
-    """
-    if score >= SEARCH_SHARE * usual:
-        return max((1 - RATE) * usual + RATE * score, USUAL_AT_LEAST)
-    return usual

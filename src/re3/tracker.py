@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -16,12 +16,10 @@ from re3.confidence import (
     DOUBT_MARGIN,
     DOUBTED_FRAMES,
     SIDES_CHANGE,
-    USUAL_AT_FIRST,
+    ScoreMemory,
     is_doubted,
     is_found,
     is_searched_for,
-    status_of,
-    usual_after,
 )
 from re3.engine import Engine, State, load_engine, zero_state
 from re3.engine.mirrored import MirroredEngine
@@ -48,7 +46,7 @@ class _Track:
         result: of the frame last seen.
         trusted_xyxy: `[4]`, the latest box that was neither uncertain nor lost.
         searched_for: frames that the object has been searched for.
-        usual_score: what its score usually is (`re3.confidence`).
+        scores: what is remembered of them.
         lost_at_xyxy: `[4]`, the box last trusted before the object was searched for.
         doubted_frames: for which that place is looked at again.
     """
@@ -63,7 +61,7 @@ class _Track:
     lost_at_xyxy: Floats
     searched_for: int = 0
     doubted_frames: int = 0
-    usual_score: float = USUAL_AT_FIRST
+    scores: ScoreMemory = field(default_factory=ScoreMemory)
 
 
 class _Look(NamedTuple):
@@ -218,10 +216,10 @@ class MultiTracker:
         height, width = image.shape[:2]
         looks, whose, least = [], [], []
         for index, (track, sight) in enumerate(zip(tracks, seen, strict=True)):
-            if is_searched_for(sight.score, track.usual_score):
+            if is_searched_for(sight.score, track.scores.usual):
                 boxes = places(track.trusted_xyxy, track.searched_for + 1, width, height)
                 margin = 0.0
-            elif is_doubted(sight.score, track.usual_score, track.doubted_frames):
+            elif is_doubted(sight.score, track.scores.usual, track.doubted_frames):
                 boxes, margin = track.lost_at_xyxy[None], DOUBT_MARGIN
             else:
                 continue
@@ -231,7 +229,7 @@ class MultiTracker:
         best, looked = list(seen), self._look(image, looks) if looks else ()
         for index, score, sight in zip(whose, least, looked, strict=True):
             better = sight.score >= max(score, best[index].score)
-            if better and is_found(sight.score, tracks[index].usual_score):
+            if better and is_found(sight.score, tracks[index].scores.usual):
                 best[index] = sight._replace(by_search=True)
         return best
 
@@ -252,7 +250,7 @@ class MultiTracker:
             saved[prefix + "searched_for"] = np.array(track.searched_for)
             saved[prefix + "lost_at_xyxy"] = track.lost_at_xyxy.copy()
             saved[prefix + "doubted_frames"] = np.array(track.doubted_frames)
-            saved[prefix + "usual_score"] = np.array(track.usual_score)
+            saved[prefix + "scores"] = np.array(astuple(track.scores), np.float64)
             saved[prefix + "result"] = np.array(
                 [*result.box_xywh, result.score, result.frame_index], dtype=np.float64
             )
@@ -299,6 +297,7 @@ class MultiTracker:
                     )
             states.append(state)
         x, y, w, h, score, index = (float(v) for v in saved[prefix + "result"])
+        usual, recent, low_frames, lost = (float(v) for v in saved[prefix + "scores"])
         return _Track(
             box_xyxy=np.array(saved[prefix + "box_xyxy"], np.float64),
             previous_crop=(
@@ -313,7 +312,7 @@ class MultiTracker:
             searched_for=int(saved[prefix + "searched_for"]),
             lost_at_xyxy=np.array(saved[prefix + "lost_at_xyxy"], np.float64),
             doubted_frames=int(saved[prefix + "doubted_frames"]),
-            usual_score=float(saved[prefix + "usual_score"]),
+            scores=ScoreMemory(usual, recent, int(low_frames), bool(lost)),
             result=Result(
                 box_xywh=(x, y, w, h),
                 score=score,
@@ -359,15 +358,15 @@ class MultiTracker:
         if reset:
             kept = {name: sight.state[name] for name in spec.kept_at_reset}
             track.state, track.steps = {**track.first_state, **kept}, 0
-        status = status_of(sight.score, track.usual_score)
+        status = track.scores.status(sight.score)
         box = sight.box_xyxy
         if status is not Status.TRACKED:
             box = geometry.sides_near(box, track.trusted_xyxy, SIDES_CHANGE)
         track.box_xyxy = box
-        searching = is_searched_for(sight.score, track.usual_score)
+        searching = is_searched_for(sight.score, track.scores.usual)
         track.searched_for = track.searched_for + 1 if searching else 0
         track.doubted_frames = DOUBTED_FRAMES if searching else max(0, track.doubted_frames - 1)
-        track.usual_score = usual_after(track.usual_score, sight.score)
+        track.scores = track.scores.after(sight.score)
         if status is Status.TRACKED:
             track.trusted_xyxy = box
         if not track.doubted_frames:
