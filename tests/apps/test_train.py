@@ -9,7 +9,9 @@ pytest.importorskip("torch", reason="training needs torch (the train extra)")
 
 from re3.apps.cli import app
 from re3.apps.run_folder import RECIPE, read_starts
-from re3.apps.train import _sampler
+from re3.apps.train import _sampler, _start
+from re3.network.variants import build
+from re3.network.weights import save_weights
 from re3.training.recipe import RECIPES
 from re3.training.recipe_file import read_recipe
 from re3.training.records import LOG, read_log
@@ -138,6 +140,16 @@ def test_options_that_cannot_be_used_are_told(data, tmp_path, arguments, told):
 
 
 @pytest.mark.slow
+def test_weights_say_which_network_is_trained(tmp_path):
+    save_weights(build("lite-C"), tmp_path / "c.safetensors")
+    assert _start(None, tmp_path / "c.safetensors").spec().name == "lite-C"
+    assert _start("lite-C", tmp_path / "c.safetensors").spec().name == "lite-C"
+    told = r"c.safetensors holds weights of 'lite-C', not of 're3-lite'; give weights of that, or"
+    with pytest.raises(ValueError, match=told):
+        _start("re3-lite", tmp_path / "c.safetensors")
+    assert _start(None, None).spec().name == "re3-lite"
+
+
 def test_a_run_from_end_to_end(data, tmp_path):
     recipe, out = tmp_path / "two.yaml", tmp_path / "run"
     recipe.write_text("phases: [{unroll: 2, batch: 2, own: 0.5, iterations: 2}]\nwarm_up: 1\n")

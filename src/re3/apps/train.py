@@ -23,6 +23,7 @@ from re3.training.recipe import RECIPES
 
 if TYPE_CHECKING:
     from re3.data.sampling import ClipSampler
+    from re3.network.variants import Network
     from re3.training.trainer import Trainer
 
 
@@ -58,12 +59,13 @@ def train(
         ),
     ] = Path("runs/re3-lite"),
     model: Annotated[
-        str,
+        str | None,
         typer.Option(
             help="Network to train: re3-lite, re3 (the paper's), or a model of its ablation study, "
-            "lite-A to lite-K and paper-A to paper-K."
+            "lite-A to lite-K and paper-A to paper-K. Default: that of --init, or re3-lite.",
+            show_default=False,
         ),
-    ] = "re3-lite",
+    ] = None,
     recipe_name: Annotated[
         str,
         typer.Option(
@@ -158,8 +160,7 @@ def train(
         from re3.apps.run_folder import note_start
         from re3.apps.validation import Validation
         from re3.network.quantize import is_quantized
-        from re3.network.variants import build, trainable
-        from re3.network.weights import load_network
+        from re3.network.variants import trainable
         from re3.training.device import Device
         from re3.training.distributed import join_processes, leave_processes
         from re3.training.errors import TrainingError
@@ -179,7 +180,8 @@ def train(
         console = stderr()
         console.quiet = not processes.first
         torch.manual_seed(recipe.seed)
-        network = trainable(build(model) if init is None else load_network(init))
+        network = trainable(_start(model, init))
+        model = network.spec().name
         if init is None and not load_pretrained(network) and not recipe.learn_trunk:
             raise ValueError(
                 f"no pretrained convolutions of {model!r} are at hand, and recipe {recipe_name} "
@@ -229,6 +231,22 @@ def train(
         f"trained: {out / f'{model}.onnx'}; track with: re3 track CLIP --box X,Y,W,H "
         f"--model {out / f'{model}.onnx'}"
     )
+
+
+def _start(model: str | None, init: Path | None) -> Network:
+    """A network with fresh weights, or with those of a file."""
+    from re3.network.variants import build
+    from re3.network.weights import load_network
+
+    if init is None:
+        return build(model or "re3-lite")
+    network = load_network(init)
+    if model not in (None, network.spec().name):
+        raise ValueError(
+            f"{init} holds weights of {network.spec().name!r}, not of {model!r}; give weights of "
+            "that, or leave out --model"
+        )
+    return network
 
 
 def _mixed(precision: str | None, device: str) -> bool:
