@@ -145,7 +145,40 @@ def test_scores_of_objects_out_of_sight_are_apart(tmp_path):
     score = program("score")
     (sequence,) = read_folder(tmp_path)
     (track,) = score.collect([sequence], "re3-lite")
-    assert [len(values) for values in track] == [6, 6, 6, 1, 1]  # the first frame is given
+    assert (len(track.scores), len(track.overlaps), len(track.absent_scores)) == (6, 6, 1)
+    assert list(track.absent) == [False] * 4 + [True] + [False] * 2  # the first frame is given
+    assert len(track.statuses) == 7
+    assert track.hidden_from is None
     assert np.isfinite(track.overlaps).all()
     (track,) = score.collect([HiddenSequence.of(sequence, 2, 4)], "re3-lite")
-    assert [len(values) for values in track] == [4, 4, 4, 3, 3]
+    assert (len(track.scores), len(track.overlaps), len(track.absent_scores)) == (4, 4, 3)
+    assert list(track.absent) == [False, True, True, False, True, False, False]
+    assert track.hidden_from == 1
+
+
+def test_alarms_and_the_losses_that_they_notice_are_counted(capsys):
+    import numpy as np
+
+    from re3.result import Status
+
+    score = program("score")
+    tracked, lost = Status.TRACKED, Status.LOST
+
+    def track(overlaps, statuses, hidden_from=None):
+        """Boxes of an overlap each; none is known while the object is hidden."""
+        overlap = np.array(overlaps)
+        absent = np.isnan(overlap)
+        known = overlap[~absent]
+        return score.Scores("a", known, known, overlap[absent], statuses, absent, hidden_from)
+
+    nothing = np.nan
+    tracks = [
+        # A false alarm of two frames, and then a loss that is noticed in its third frame.
+        track([0.9] * 5 + [0.0] * 6, [tracked, lost, lost] + [tracked] * 4 + [lost] * 4),
+        # Hidden, which goes unnoticed.
+        track([0.9] * 3 + [nothing] * 12, [tracked] * 13 + [lost] * 2, hidden_from=3),
+    ]
+    score._print_called("lost", Status.UNCERTAIN, tracks)
+    # 4 of 6 failures, one of two losses, 2 of 12 hidden frames, 2 of 8 good boxes, one alarm.
+    printed = " ".join(capsys.readouterr().out.split())
+    assert printed == "lost 66.7% 50.0% of 2 16.7% 250.0 125.00"
