@@ -23,8 +23,9 @@ UNCERTAIN_SHARE, SEARCH_SHARE = 0.75, 0.7
 """Shares of the usual score below which a box is uncertain, and the object is searched for."""
 
 RECENT_RATE, RECENT_AT_LEAST = 0.2, 0.5
-"""The same of the score of the last few frames: what is lost falls from one frame to the next,
-while objects that bend or turn are scored lower for a while."""
+"""Share of a new score in the recent one, a mean of the last few frames, and the least it can be:
+what is lost falls from one frame to the next, while objects that bend or turn are scored lower for
+a while."""
 
 LOST_SHARE, LOST_FRAMES = 0.7, 2
 """An uncertain box below that share of the recent score, for so many frames on end, is lost."""
@@ -51,12 +52,12 @@ where the score there is higher by the second. Chosen on val: docs/experiments.m
 
 @dataclass(frozen=True)
 class ScoreMemory:
-    """What is remembered of an object's scores.
+    """What is remembered of an object's scores, which are expected overlaps in 0..1.
 
     Attributes:
-        usual: what its score usually is.
-        recent: what it was in the last frames in which it was near that.
-        low_frames: on end, up to now, with a score below `LOST_SHARE` of that.
+        usual: a mean of its scores that forgets slowly.
+        recent: one that forgets fast.
+        low_frames: on end, up to now, with a score below `LOST_SHARE` of the recent one.
         lost: whether its last box was.
     """
 
