@@ -112,6 +112,13 @@ def test_results_on_standard_output_are_nothing_but_csv():
     ]
 
 
+def test_several_boxes_are_several_objects(tmp_path):
+    out = tmp_path / "boxes.csv"
+    run("track", CLIP, "--box", BOX, "--box", "440,80,146,260", "--max-frames", 2, "--results", out)
+    first = [(row["object"], float(row["x"])) for row in rows(out.read_text())[:2]]
+    assert first == [("object-1", 368), ("object-2", 440)]
+
+
 def test_ctrl_c_finishes_the_files_and_says_how_many_frames(tmp_path):
     clip = tmp_path / "long.mp4"
     with VideoWriter(clip, 25, (320, 240)) as writer:

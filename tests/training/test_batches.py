@@ -1,11 +1,12 @@
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from re3.training.batches import Batches
 from re3.training.distributed import ALONE, Processes
-from re3.training.recipe import Phase
+from re3.training.recipe import Phase, Recipe
 
 PHASE, NEXT_PHASE = Phase(2, 4, 0.5, 10), Phase(4, 2, 0.5, 10)
 
@@ -13,7 +14,10 @@ PHASE, NEXT_PHASE = Phase(2, 4, 0.5, 10), Phase(4, 2, 0.5, 10)
 @pytest.fixture
 def batches(sampler):
     with ThreadPoolExecutor(2) as pool:
-        yield lambda processes=ALONE, seed=0: Batches(sampler, seed, processes, pool)
+        recipe = Recipe(phases=(PHASE, NEXT_PHASE))
+        yield lambda processes=ALONE, seed=0: Batches(
+            sampler, replace(recipe, seed=seed), processes, pool
+        )
 
 
 def content(batch):

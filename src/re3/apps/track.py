@@ -53,12 +53,13 @@ def track(
             metavar="SOURCE",
         ),
     ],
-    box: Annotated[
-        str | None,
+    boxes: Annotated[
+        list[str] | None,
         typer.Option(
             "--box",
             "-b",
-            help="The object in the first frame: left, top, width, height in pixels.",
+            help="The object in the first frame: left, top, width, height in pixels. Repeated, "
+            "the objects are called object-1, object-2, and so on.",
             metavar="X,Y,W,H",
             show_default=False,
         ),
@@ -136,7 +137,7 @@ def track(
         run = _run(
             console,
             source,
-            _parse_objects(box, objects or [], select),
+            _parse_objects(boxes or [], objects or [], select),
             start_frame,
             max_frames,
             model,
@@ -294,9 +295,10 @@ def _summarise(console: Console, run: _Run, *, told: bool) -> None:
         say("nothing was written; --out FILE.mp4 or --results FILE.csv keep the boxes")
 
 
-def _parse_objects(box: str | None, named: list[str], select: bool) -> dict[str, Box]:
+def _parse_objects(boxes: list[str], named: list[str], select: bool) -> dict[str, Box]:
     """Name -> box, none to `select` them later; raises ValueError that says what was given."""
-    objects = {} if box is None else {"object": parse_box("--box", box)}
+    names = ["object"] if len(boxes) == 1 else [f"object-{i + 1}" for i in range(len(boxes))]
+    objects = {name: parse_box("--box", box) for name, box in zip(names, boxes, strict=True)}
     for text in named:
         name, equals, numbers = text.rpartition("=")
         if not equals or not name.strip():

@@ -16,7 +16,7 @@ from re3.data.clip import Clip
 from re3.data.sampling import ClipSampler
 from re3.training.distributed import Processes
 from re3.training.draws import SequenceDraws
-from re3.training.recipe import Phase
+from re3.training.recipe import Phase, Recipe
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,16 +24,19 @@ class Batch:
     """This process's share of a batch.
 
     Attributes:
-        clips: N clips of the phase's unroll and the initialisation frame.
+        clips: N clips of the initialisation frame and the phase's unroll; those at own predictions
+            of the recipe's `replay` steps instead, if it has any.
         own: `[N]`, True where crops are to be cut at own predictions.
         draws: the noise of the N sequences.
         rng: for what concerns the batch as a whole; the same in every process.
+        unroll: of the phase.
     """
 
     clips: list[Clip]
     own: NDArray[np.bool_]
     draws: SequenceDraws
     rng: np.random.Generator
+    unroll: int
 
 
 class Batches:
@@ -41,15 +44,15 @@ class Batches:
 
     Args:
         sampler: of the clips.
-        seed: of the recipe.
+        recipe: of its seed, and of how long clips are.
         processes: that share every batch.
         pool: draws clips in parallel.
     """
 
     def __init__(
-        self, sampler: ClipSampler, seed: int, processes: Processes, pool: Executor
+        self, sampler: ClipSampler, recipe: Recipe, processes: Processes, pool: Executor
     ) -> None:
-        self.sampler, self.seed, self.processes, self.pool = sampler, seed, processes, pool
+        self.sampler, self.recipe, self.processes, self.pool = sampler, recipe, processes, pool
         self._ahead: tuple[int, Phase, list[Future[Clip]]] | None = None
 
     def prepare(self, iteration: int, phase: Phase) -> None:
@@ -66,17 +69,30 @@ class Batches:
                 future.cancel()
             futures = self._begin(iteration, phase)
         seeds, share = self._seeds(iteration, phase)
-        rng = np.random.default_rng(seeds[0])
-        own = (rng.random(phase.batch) < phase.own)[share]
+        rng, own = _own(seeds[0], phase)
         draws = SequenceDraws([np.random.default_rng(s.spawn(2)[1]) for s in seeds[1:][share]])
-        return Batch([future.result() for future in futures], own, draws, rng)
+        clips = [future.result() for future in futures]
+        return Batch(clips, own[share], draws, rng, phase.unroll)
 
     def _begin(self, iteration: int, phase: Phase) -> list[Future[Clip]]:
         seeds, share = self._seeds(iteration, phase)
         rngs = [np.random.default_rng(seed.spawn(2)[0]) for seed in seeds[1:][share]]
-        return [self.pool.submit(self.sampler.sample, phase.unroll + 1, rng) for rng in rngs]
+        own = _own(seeds[0], phase)[1][share]
+        steps = np.where(own, max(self.recipe.replay, phase.unroll), phase.unroll)
+        return [
+            self.pool.submit(self.sampler.sample, int(count) + 1, rng)
+            for count, rng in zip(steps, rngs, strict=True)
+        ]
 
     def _seeds(self, iteration: int, phase: Phase) -> tuple[list[np.random.SeedSequence], slice]:
         """Seeds of the whole batch and of each sequence, and which are this process's."""
-        seeds = np.random.SeedSequence([self.seed, iteration]).spawn(phase.batch + 1)
+        seeds = np.random.SeedSequence([self.recipe.seed, iteration]).spawn(phase.batch + 1)
         return seeds, self.processes.share(phase.batch)
+
+
+def _own(
+    seed: np.random.SeedSequence, phase: Phase
+) -> tuple[np.random.Generator, NDArray[np.bool_]]:
+    """The generator of a batch as a whole, and its first draw: which tracks go on by themselves."""
+    rng = np.random.default_rng(seed)
+    return rng, rng.random(phase.batch) < phase.own

@@ -30,7 +30,8 @@ from re3.training.failure import failure_path, save_failure
 from re3.training.features import FrozenTrunk, TorchTrunk, Trunk
 from re3.training.recipe import Phase, Recipe
 from re3.training.records import Progress, Records
-from re3.training.rollout import Rollout, roll_out
+from re3.training.replay import walk_batch
+from re3.training.rollout import Rollout
 from re3.training.step import Learner, Learnt, NotFinite, choose_parts
 from re3.training.throughput import Meter, Stopwatch, Throughput
 
@@ -106,7 +107,7 @@ class Trainer:
         self.earlier_recipe: dict[str, Any] | None = None
         self._seconds: dict[str, float] = {}
         self._pool = ThreadPoolExecutor(threads)
-        self._batches = Batches(sampler, recipe.seed, processes, self._pool)
+        self._batches = Batches(sampler, recipe, processes, self._pool)
         self._learner = Learner(network, recipe, self.optimizer, self.device, processes)
         if (self.folder / CHECKPOINT).exists():
             self._resume()
@@ -193,16 +194,7 @@ class Trainer:
         with watch.time("clips"):
             batch = self._batches.get(self.iteration, phase)
         with self.device.autocast():
-            rollout = roll_out(
-                batch.clips,
-                batch.own,
-                self.network,
-                self.trunk,
-                self.recipe.noise,
-                batch.draws,
-                self._pool,
-                watch,
-            )
+            rollout = walk_batch(batch, self.network, self.trunk, self.recipe, self._pool, watch)
         if self.iteration + 1 < self.recipe.iterations:
             self._batches.prepare(self.iteration + 1, phase)
         with watch.time("learn"):
