@@ -187,10 +187,11 @@ class Recipe:
                 f"learn_trunk, and trunk_stages {self.trunk_stages}: expected one of them, all of "
                 "the trunk or its last stages"
             )
-        if self.replay and self.replay < max(phase.unroll for phase in self.phases):
+        longest = max((phase.unroll for phase in self.phases), default=0)
+        if self.replay and self.replay < longest:
             raise ValueError(
                 f"replay is {self.replay}; expected 0, or no fewer steps than the longest unroll, "
-                f"{max(phase.unroll for phase in self.phases)}"
+                f"{longest}"
             )
         for phase in self.phases:
             if self.parts < 1 or phase.batch % self.parts:

@@ -3,7 +3,8 @@
 A track of a few steps from a true box hardly ever shows the moment at which a tracker loses its
 object. So tracks on own predictions are walked for longer than they are unrolled, without
 gradients, and a stretch is drawn of each, the sooner the more its boxes got worse in it. The
-recurrent state begins anew before the stretch, as it does in tracking every so many frames.
+recurrent state begins anew before the stretch, as it does in tracking every so many frames. Of the
+kind of hard-example mining (Shrivastava et al., 2016), over time rather than over regions.
 """
 
 from __future__ import annotations
@@ -36,7 +37,9 @@ def walk_batch(
     pool: Executor,
     watch: Stopwatch,
 ) -> Rollout:
-    """Walk the clips of a batch; of those longer than the others, keep a stretch as long as these.
+    """The roll-out of a batch, `batch.unroll` steps after the first of each sequence.
+
+    With replay, the sequences on own predictions come first, a stretch of each; then the others.
 
     Args:
         batch: its clips on own predictions are of `recipe.replay` steps, if that is set.
@@ -74,7 +77,7 @@ def draw_starts(overlap: Floats, length: int, drawn: Floats) -> NDArray[np.int64
     Args:
         overlap: `[steps, N]`, NaN where unknown; see `Rollout`.
         length: steps of a stretch.
-        drawn: `[N]` numbers from 0 to 1, by which the starts are picked.
+        drawn: `[N]` numbers in 0..1, by which the starts are picked.
     """
     before, after = np.nan_to_num(overlap[:-1], nan=0.0), np.nan_to_num(overlap[1:], nan=1.0)
     before[0] = 1.0  # the first frame's box is given

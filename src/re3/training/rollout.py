@@ -235,7 +235,10 @@ def roll_out(
 
 
 def join(rollouts: Several[Rollout]) -> Rollout:
-    """The sequences of roll-outs of equally many steps as one roll-out."""
+    """The sequences of roll-outs of equally many steps as one roll-out.
+
+    Its `put_back` is that of the first, where those on own predictions are.
+    """
     steps = rollouts[0].steps
 
     def rows(parts: list[Tensor]) -> Tensor:
