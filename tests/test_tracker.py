@@ -278,11 +278,27 @@ def test_only_lost_objects_cost_more_crops():
     tracker = re3.MultiTracker(engine=engine)
     tracker.add(noise(), BOX)
     tracker.update(noise())
-    engine.score = 0.2
+    engine.score = 0.52  # uncertain, where .75 is usual
     tracker.update(noise(300, 400))
+    engine.score = 0.2
     tracker.update(noise(300, 400))
     crops = [len(current) for _, current, _ in engine.calls]
     assert crops == [1, 1, 1, PLACES, 1, PLACES]
+
+
+def test_a_lost_object_is_found_far_away_by_its_looks():
+    frames = [np.zeros((300, 800, 3), np.uint8) for _ in range(40)]
+    for index, frame in enumerate(frames):
+        x, y = (40, 30) if index < 2 else (340, 250)
+        if index < 2 or index > 30:
+            frame[y : y + 20, x : x + 24] = noise(20, 24)
+    tracker = re3.Tracker(engine=Elsewhere(blind=10))
+    tracker.init(frames[0], BOX)
+    results = [tracker.update(frame) for frame in frames[1:]]
+    assert results[29].status is Status.LOST
+    assert results[-1].status is Status.TRACKED
+    x, y, w, h = results[-1].box_xywh
+    assert abs(x - 340) < w and abs(y - 250) < h
 
 
 def test_a_search_in_vain_leaves_the_track_as_it_was():

@@ -29,7 +29,7 @@ from re3.geometry import Floats
 from re3.model_spec import CropSpec
 from re3.models import DEFAULT_MODEL
 from re3.result import Result, Status
-from re3.search import places
+from re3.search import PLACES, alike, cut_patch, places
 
 
 @dataclass
@@ -45,6 +45,8 @@ class _Track:
         steps: since the last reset.
         result: of the frame last seen.
         trusted_xyxy: `[4]`, the latest box that was neither uncertain nor lost.
+        first_patch, last_patch: pixels of the object in the first frame, and when it last had its
+            usual score, to find what looks like it.
         searched_for: frames that the object has been searched for.
         scores: what is remembered of them.
         lost_at_xyxy: `[4]`, the box last trusted before the object was searched for.
@@ -59,6 +61,8 @@ class _Track:
     result: Result
     trusted_xyxy: Floats
     lost_at_xyxy: Floats
+    first_patch: NDArray[np.uint8]
+    last_patch: NDArray[np.uint8]
     searched_for: int = 0
     doubted_frames: int = 0
     scores: ScoreMemory = field(default_factory=ScoreMemory)
@@ -97,7 +101,8 @@ class MultiTracker:
         threads: of the engine, and of cutting several crops; 0 takes one fewer than there are
             cores, 4 at most.
         search: look for an object that seems lost in a wider and wider area, six crops more a
-            frame; and for a while after, one more, at the place where it was lost.
+            frame, up to four of them where the frame looks like it once it is called lost; and for
+            a while after, one more, at the place where it was lost.
         mirror: look at every crop mirrored as well, which is more accurate and takes about twice
             as long; None as the model says: `re3-base` does, no other.
 
@@ -213,11 +218,10 @@ class MultiTracker:
         self, image: NDArray[np.uint8], tracks: list[_Track], seen: list[_Sight]
     ) -> list[_Sight]:
         """Sights of the tracks, those of low score replaced where a search is sure of another."""
-        height, width = image.shape[:2]
         looks, whose, least = [], [], []
         for index, (track, sight) in enumerate(zip(tracks, seen, strict=True)):
             if is_searched_for(sight.score, track.scores.usual):
-                boxes = places(track.trusted_xyxy, track.searched_for + 1, width, height)
+                boxes = self._places(image, track, sight)
                 margin = 0.0
             elif is_doubted(sight.score, track.scores.usual, track.doubted_frames):
                 boxes, margin = track.lost_at_xyxy[None], DOUBT_MARGIN
@@ -233,6 +237,18 @@ class MultiTracker:
                 best[index] = sight._replace(by_search=True)
         return best
 
+    def _places(self, image: NDArray[np.uint8], track: _Track, sight: _Sight) -> Floats:
+        """Boxes `[K, 4]` to look at for an object that is searched for, K up to `PLACES`."""
+        height, width = image.shape[:2]
+        frames = track.searched_for + 1
+        # An object that may still be there is not looked for far away, where others are like it.
+        if track.scores.status(sight.score) is not Status.LOST:
+            return places(track.trusted_xyxy, frames, width, height)
+        patches = (track.first_patch, track.last_patch)
+        likely = alike(image, patches, track.trusted_xyxy, frames)
+        near = places(track.trusted_xyxy, frames, width, height, PLACES - len(likely))
+        return np.concatenate([near, likely])
+
     def save_state(self) -> dict[str, NDArray]:
         """Everything remembered, as plain arrays (for `numpy.savez`, say)."""
         saved: dict[str, NDArray] = {
@@ -247,6 +263,8 @@ class MultiTracker:
                 saved[prefix + "previous_crop"] = track.previous_crop.copy()
             saved[prefix + "steps"] = np.array(track.steps)
             saved[prefix + "trusted_xyxy"] = track.trusted_xyxy.copy()
+            saved[prefix + "first_patch"] = track.first_patch.copy()
+            saved[prefix + "last_patch"] = track.last_patch.copy()
             saved[prefix + "searched_for"] = np.array(track.searched_for)
             saved[prefix + "lost_at_xyxy"] = track.lost_at_xyxy.copy()
             saved[prefix + "doubted_frames"] = np.array(track.doubted_frames)
@@ -309,6 +327,8 @@ class MultiTracker:
             first_state=states[1],
             steps=int(saved[prefix + "steps"]),
             trusted_xyxy=np.array(saved[prefix + "trusted_xyxy"], np.float64),
+            first_patch=np.array(saved[prefix + "first_patch"], np.uint8),
+            last_patch=np.array(saved[prefix + "last_patch"], np.uint8),
             searched_for=int(saved[prefix + "searched_for"]),
             lost_at_xyxy=np.array(saved[prefix + "lost_at_xyxy"], np.float64),
             doubted_frames=int(saved[prefix + "doubted_frames"]),
@@ -330,7 +350,8 @@ class MultiTracker:
         previous = self._crop_previous(image, box)
         nothing = {name: values[0] for name, values in zero_state(spec, 1).items()}
         state = self._look_at_one_frame(image, box, previous, nothing)
-        return _Track(box, previous, state, state, 0, result, trusted_xyxy=box, lost_at_xyxy=box)
+        patch = cut_patch(image, box)
+        return _Track(box, previous, state, state, 0, result, box, box, patch, patch)
 
     def _look_at_one_frame(
         self,
@@ -369,6 +390,8 @@ class MultiTracker:
         track.scores = track.scores.after(sight.score)
         if status is Status.TRACKED:
             track.trusted_xyxy = box
+        if sight.score >= track.scores.usual:
+            track.last_patch = cut_patch(image, box)
         if not track.doubted_frames:
             track.lost_at_xyxy = track.trusted_xyxy
         track.previous_crop = self._crop_previous(image, box)
