@@ -263,6 +263,19 @@ def test_what_a_search_took_is_left_for_the_object_where_it_was_lost(stranger, b
     assert last.score == pytest.approx(back if taken else stranger, abs=0.01)
 
 
+def test_another_one_beside_an_uncertain_object_is_not_taken():
+    clear, dim = two_places(0.8, 0.0), two_places(0.5, 0.0)
+    for frame in (clear, dim):
+        frame[30:50, 84:108] = round(250 * 0.9)
+    tracker = re3.Tracker(engine=ByBrightness())
+    tracker.init(clear, BOX)
+    for _ in range(2 * PLACES):
+        tracker.update(clear)
+        result = tracker.update(dim)
+        assert result.status is Status.UNCERTAIN
+        assert result.box_xywh[0] < 60
+
+
 def test_a_tracker_told_not_to_search_stays_where_it_is():
     engine = Elsewhere(blind=20)
     tracker = re3.Tracker(engine=engine, search=False)
@@ -283,7 +296,7 @@ def test_only_lost_objects_cost_more_crops():
     engine.score = 0.2
     tracker.update(noise(300, 400))
     crops = [len(current) for _, current, _ in engine.calls]
-    assert crops == [1, 1, 1, PLACES, 1, PLACES]
+    assert crops == [1, 1, 1, 1, 1, PLACES]  # one, at the last sure place, while uncertain
 
 
 def test_a_lost_object_is_found_far_away_by_its_looks():

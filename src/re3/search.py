@@ -1,10 +1,10 @@
 """Where to look for an object that is lost: near the last sure place, and where it looks alike.
 
 The crop of a step reaches one box beyond the object on every side. An object that moves further, or
-reappears further off, is found by looking at a few more places in each frame: those about the place
-where it was last seen for sure, nearest first, and, as soon as it is called lost, those that look
-most like it, by a comparison of pixels which is cheap enough for an area many boxes wide. What is
-there the network says.
+reappears further off, is found by looking at a few more places in each frame, as soon as it is
+called lost: those about the place where it was last seen for sure, nearest first, and those that
+look most like it, by a comparison of pixels which is cheap enough for an area many boxes wide. What
+is there the network says.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def places(
 
     Args:
         trusted_xyxy: `[4]`, the box last found for sure, in pixels.
-        searched_for: frames that the object has been searched for, this one included.
+        searched_for: frames on end with a score low enough for a search, this one included.
         width, height: of the frame in pixels.
         count: how many.
 

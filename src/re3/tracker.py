@@ -47,7 +47,7 @@ class _Track:
         trusted_xyxy: `[4]`, the latest box that was neither uncertain nor lost.
         first_patch, last_patch: pixels of the object in the first frame, and when it last had its
             usual score, to find what looks like it.
-        searched_for: frames that the object has been searched for.
+        searched_for: frames on end with a score low enough for a search.
         scores: what is remembered of them.
         lost_at_xyxy: `[4]`, the box last trusted before the object was searched for.
         doubted_frames: for which that place is looked at again.
@@ -88,7 +88,7 @@ class _Sight(NamedTuple):
 class MultiTracker:
     """Tracks any number of objects through one video, in one batched network call per frame.
 
-    Objects of low score are searched for at more places (`re3.search`), in one more call.
+    Objects of low score are looked for at more places (`re3.search`), in one more call.
 
     Frames are uint8 `[H, W, 3]` in BGR order (grey `[H, W]` and BGRA work too); their size may
     change. Boxes are x, y, width, height in pixels, as floats; (0, 0) is the top-left corner of
@@ -100,9 +100,9 @@ class MultiTracker:
             "openvino", "auto" for the first that the model has, or an engine of your own.
         threads: of the engine, and of cutting several crops; 0 takes one fewer than there are
             cores, 4 at most.
-        search: look for an object that seems lost in a wider and wider area, six crops more a
-            frame, up to four of them where the frame looks like it once it is called lost; and for
-            a while after, one more, at the place where it was lost.
+        search: look for an object that is lost in a wider and wider area, and where the frame looks
+            like it, six crops more a frame; and where its score is low, and for a while after, one
+            more, at the place where it was last sure.
         mirror: look at every crop mirrored as well, which is more accurate and takes about twice
             as long; None as the model says: `re3-base` does, no other.
 
@@ -239,11 +239,11 @@ class MultiTracker:
 
     def _places(self, image: NDArray[np.uint8], track: _Track, sight: _Sight) -> Floats:
         """Boxes `[K, 4]` to look at for an object that is searched for, K up to `PLACES`."""
+        # An object that may still be there is not looked for elsewhere, where others are like it.
+        if track.scores.status(sight.score) is not Status.LOST:
+            return track.trusted_xyxy[None]
         height, width = image.shape[:2]
         frames = track.searched_for + 1
-        # An object that may still be there is not looked for far away, where others are like it.
-        if track.scores.status(sight.score) is not Status.LOST:
-            return places(track.trusted_xyxy, frames, width, height)
         patches = (track.first_patch, track.last_patch)
         likely = alike(image, patches, track.trusted_xyxy, frames)
         near = places(track.trusted_xyxy, frames, width, height, PLACES - len(likely))
