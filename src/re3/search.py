@@ -37,8 +37,8 @@ COMPARED_SIDE = 16
 """Frames are scaled down until objects are of about so many pixels a side, to be compared."""
 
 COMPARED_REACH = 256
-"""Compared are at most so many pixels of that scale to each side, which takes a few milliseconds;
-16 boxes of a larger object."""
+"""Compared are at most so many pixels of that scale to each side, 16 boxes of a larger object, so
+that the time has a limit."""
 
 GROWTH = 1.0
 """Larger sides of the box by which the area that is compared grows in a frame: an object may have
