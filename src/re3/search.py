@@ -80,9 +80,7 @@ def places(
     if not len(centres):
         return np.empty((0, 4))
     turn = (searched_for - 1) * count + np.arange(min(count, len(centres)))
-    centres = centres[turn % len(centres)]
-    sizes = np.broadcast_to(size, centres.shape)
-    return geometry.convert(np.concatenate([centres, sizes], axis=1), "cxcywh", "xyxy")
+    return _boxes_about(centres[turn % len(centres)], size)
 
 
 def cut_patch(image: NDArray[np.uint8], box_xyxy: Floats) -> NDArray[np.uint8]:
@@ -104,7 +102,8 @@ def alike(
 ) -> Floats:
     """Boxes to look at, of the size that the object last had, where the frame looks most like it.
 
-    Likeness is the correlation of grey levels, whatever their mean and contrast.
+    Likeness is the normalised cross-correlation of grey levels, whatever their mean and contrast
+    (Lewis, "Fast Normalized Cross-Correlation", 1995; OpenCV's `TM_CCOEFF_NORMED`).
 
     Args:
         image: uint8 `[H, W, 3]`, BGR.
@@ -142,6 +141,10 @@ def alike(
             beside, below = columns // 2, rows // 2
             likeness[max(y - below, 0) : y + below + 1, max(x - beside, 0) : x + beside + 1] = -1
             found.append((left + (x + columns / 2) / scale, top + (y + rows / 2) / scale))
-    centres = np.array(found).reshape(-1, 2)
+    return _boxes_about(np.array(found).reshape(-1, 2), size)
+
+
+def _boxes_about(centres: Floats, size: Floats) -> Floats:
+    """Boxes `[K, 4]` of one width and height about centres `[K, 2]`."""
     sizes = np.broadcast_to(size, centres.shape)
     return geometry.convert(np.concatenate([centres, sizes], axis=1), "cxcywh", "xyxy")
