@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
 from re3.evaluation.plots_style import look, new_figure
+from re3.network.lite_config import LiteConfig
 from re3.network.re3 import Re3Config
-from re3.network.re3_lite import LiteConfig
 
 IMAGE, LEARNT, MEMORY, ANSWER = "#EAF2F8", "#FDEBD0", "#E8DAEF", "#D5F5E3"
 

@@ -9,9 +9,10 @@ import torch
 
 from re3.engine import load_engine, zero_state
 from re3.network.export import export_onnx
+from re3.network.lite_config import LiteConfig
 from re3.network.local_response import PlainLocalResponse
 from re3.network.re3 import Re3, Re3Config
-from re3.network.re3_lite import LiteConfig, Re3Lite
+from re3.network.re3_lite import Re3Lite
 
 TINY = LiteConfig(fully_connected=16, lstm_units=8, fused=8, embedding=8, correlation=4)
 

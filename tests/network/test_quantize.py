@@ -8,6 +8,7 @@ torch = pytest.importorskip("torch", reason="quantisation needs torch")
 
 from re3.engine import load_engine, zero_state  # noqa: E402
 from re3.network.export import export_onnx  # noqa: E402
+from re3.network.lite_config import LiteConfig  # noqa: E402
 from re3.network.peephole_lstm import CellState, PeepholeLSTMCell  # noqa: E402
 from re3.network.quantize import (  # noqa: E402
     Levels,
@@ -16,7 +17,7 @@ from re3.network.quantize import (  # noqa: E402
     is_quantized,
     quantize,
 )
-from re3.network.re3_lite import LiteConfig, Re3Lite  # noqa: E402
+from re3.network.re3_lite import Re3Lite  # noqa: E402
 from re3.network.weights import load_network  # noqa: E402
 
 TINY = LiteConfig(fully_connected=16, lstm_units=8, fused=16, embedding=16, correlation=8)

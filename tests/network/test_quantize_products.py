@@ -13,10 +13,11 @@ from re3.engine import load_engine, zero_state
 from re3.engine.torch_engine import TorchEngine
 from re3.evaluation.still_steps import still_steps
 from re3.network.export import export_onnx
+from re3.network.lite_config import LiteConfig
 from re3.network.quantize_products import REACH, quantize, quantize_products
 from re3.network.quantize_trunk import quantize_trunk
 from re3.network.re3 import Re3, Re3Config
-from re3.network.re3_lite import LiteConfig, Re3Lite
+from re3.network.re3_lite import Re3Lite
 from re3.network.untrained import _calm, build_untrained
 
 SMALL = Re3Config(fully_connected=256, lstm_units=256)

@@ -7,8 +7,9 @@ import pytest
 import torch
 
 from re3.model_spec import ModelSpec
+from re3.network.lite_blocks import Adapter, sample_region
+from re3.network.lite_config import LiteConfig
 from re3.network.re3 import Re3Config
-from re3.network.re3_lite import Adapter, LiteConfig, sample_region
 from re3.network.variants import VARIANTS, build
 from re3.network.weights import load_network, save_weights
 

@@ -11,7 +11,7 @@ import torch
 import torch.distributed
 from tiny import CURRICULUM, train
 
-from re3.network.re3_lite import LiteOutput
+from re3.network.lite_head import LiteOutput
 from re3.training.distributed import ALONE, Processes, check_shares, join_processes
 from re3.training.errors import TrainingError
 from re3.training.loss import tracking_loss

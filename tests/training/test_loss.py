@@ -3,7 +3,7 @@ import pytest
 import torch
 
 from re3.geometry import REGRESSION_SCALE, iou_xyxy
-from re3.network.re3_lite import LiteOutput
+from re3.network.lite_head import LiteOutput
 from re3.training.loss import corner_cells, overlaps, tracking_loss
 from re3.training.recipe import LossWeights
 

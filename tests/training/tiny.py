@@ -13,7 +13,8 @@ import torch
 
 from re3.data.clip import RecordedClip
 from re3.model_spec import CropSpec
-from re3.network.re3_lite import LiteConfig, Re3Lite
+from re3.network.lite_config import LiteConfig
+from re3.network.re3_lite import Re3Lite
 from re3.training.distributed import join_processes, leave_processes
 from re3.training.recipe import Phase, PlateauRule, Recipe
 from re3.training.trainer import Trainer

@@ -15,7 +15,8 @@ from re3.data.formats import read_dataset
 from re3.data.sequence import Sequence
 from re3.engine import Engine, StepOutput, load_engine
 from re3.network.export import export_onnx
-from re3.network.re3_lite import LiteState, Re3Lite
+from re3.network.lite_config import LiteState
+from re3.network.re3_lite import Re3Lite
 from re3.tracker import MultiTracker
 from re3.video import SourceError, open_source
 

@@ -28,7 +28,7 @@ def write_sized(sizes: Sequence[int], folder: Path, threads: int = 0) -> dict[in
             "such as 96, 144, 192, 240"
         )
     from re3.network.export import export_onnx
-    from re3.network.re3_lite import LiteConfig
+    from re3.network.lite_config import LiteConfig
     from re3.network.variants import build
 
     entries = {}

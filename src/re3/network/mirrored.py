@@ -16,7 +16,7 @@ from re3.geometry import REGRESSION_SCALE
 from re3.mirroring import LOOKS, NO_SCORE, SHARPNESS, mirrored_spec
 from re3.model_spec import ModelSpec
 from re3.network.base import StepNetwork
-from re3.network.re3_lite import LiteConfig
+from re3.network.lite_config import LiteConfig
 
 
 @dataclass(frozen=True)

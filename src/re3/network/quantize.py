@@ -20,8 +20,9 @@ from torch import Tensor, nn
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from re3.network.efficientnet_lite import PIXEL_MEAN
+from re3.network.lite_config import LiteState
 from re3.network.peephole_lstm import PeepholeLSTMCell
-from re3.network.re3_lite import LiteState, Re3Lite
+from re3.network.re3_lite import Re3Lite
 
 WEIGHT_LEVELS = 127
 """Weights take whole values from minus this to this, times their channel's scale."""

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from re3.network.authors import AuthorsConfig, AuthorsSmall, AuthorsSmallConfig
 from re3.network.base import TrackingNetwork
+from re3.network.lite_config import LiteConfig
 from re3.network.mirrored import Mirrored, MirroredConfig
 from re3.network.re3 import Re3, Re3Config
-from re3.network.re3_lite import LiteConfig, Re3Lite
+from re3.network.re3_lite import Re3Lite
 from re3.network.table_one import CONFIGS
 
 Network = Re3 | Re3Lite | Mirrored | AuthorsSmall
