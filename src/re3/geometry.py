@@ -82,9 +82,10 @@ def search_region(boxes_xyxy: ArrayLike, context: float) -> Floats:
     Returns:
         regions `[..., 4]` as xyxy in pixels; may reach outside the frame.
     """
-    boxes = convert(boxes_xyxy, "xyxy", "cxcywh")
-    boxes[..., 2:] = np.maximum(boxes[..., 2:], SMALLEST_SIDE) * context
-    return convert(boxes, "cxcywh", "xyxy")
+    boxes = np.asarray(boxes_xyxy, dtype=np.float64)
+    low, high = boxes[..., :2], boxes[..., 2:]
+    middle, reach = (low + high) / 2, np.maximum(high - low, SMALLEST_SIDE) * context / 2
+    return np.concatenate([middle - reach, middle + reach], axis=-1)
 
 
 def snap(regions_xyxy: ArrayLike) -> Floats:
@@ -97,9 +98,10 @@ def snap(regions_xyxy: ArrayLike) -> Floats:
     the snapped region.
     """
     regions = np.asarray(regions_xyxy, dtype=np.float64)
-    side = (regions[..., 2:] - regions[..., :2]).min(axis=-1, keepdims=True)
+    size = regions[..., 2:] - regions[..., :2]
+    side = np.minimum(size[..., :1], size[..., 1:])
     grid = 2.0 ** np.floor(np.log2(side / 256))  # powers of two: exact in floating point
-    return np.round(regions / grid) * grid
+    return np.rint(regions / grid) * grid
 
 
 def encode(boxes_xyxy: ArrayLike, regions_xyxy: ArrayLike) -> Floats:
@@ -229,12 +231,13 @@ def clip_inside(boxes_xyxy: ArrayLike, width: float, height: float) -> Floats:
         boxes_xyxy: `[..., 4]` in pixels, finite.
         width, height: of the frame in pixels.
     """
-    boxes = convert(boxes_xyxy, "xyxy", "cxcywh")
+    boxes = np.asarray(boxes_xyxy, dtype=np.float64)
+    low, high = boxes[..., :2], boxes[..., 2:]
     limit = np.array([width, height], dtype=np.float64)
-    boxes[..., :2] = np.clip(boxes[..., :2], 0.0, limit)
+    middle = np.minimum(np.maximum((low + high) / 2, 0.0), limit)
     # Four frames wide is far past any real object and keeps a diverging size finite.
-    boxes[..., 2:] = np.clip(boxes[..., 2:], SMALLEST_SIDE, 4 * limit)
-    return convert(boxes, "cxcywh", "xyxy")
+    half = np.minimum(np.maximum(high - low, SMALLEST_SIDE), 4 * limit) / 2
+    return np.concatenate([middle - half, middle + half], axis=-1)
 
 
 def sides_near(boxes_xyxy: ArrayLike, like_xyxy: ArrayLike, factor: float) -> Floats:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import astuple, dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +15,6 @@ from re3.confidence import (
     DOUBT_MARGIN,
     DOUBTED_FRAMES,
     SIDES_CHANGE,
-    ScoreMemory,
     is_doubted,
     is_found,
     is_searched_for,
@@ -30,48 +28,15 @@ from re3.model_spec import CropSpec
 from re3.models import DEFAULT_MODEL
 from re3.result import Result, Status
 from re3.search import PLACES, alike, cut_patch, places
+from re3.track_memory import Track
 
-
-@dataclass
-class _Track:
-    """All that is remembered of one object.
-
-    Attributes:
-        box_xyxy: `[4]`, in the frame last seen.
-        previous_crop: uint8 `[S, S, 3]` about that box in that frame, so that the frame itself
-            need not be kept; None for a model without previous crop.
-        state: recurrent state, arrays without the batch dimension.
-        first_state: the state after the first forward pass, to which it is reset.
-        steps: since the last reset.
-        result: of the frame last seen.
-        trusted_xyxy: `[4]`, the latest box that was neither uncertain nor lost.
-        first_patch, last_patch: pixels of the object in the first frame, and when it last had its
-            usual score, to find what looks like it.
-        searched_for: frames on end with a score low enough for a search.
-        scores: what is remembered of them.
-        lost_at_xyxy: `[4]`, the box last trusted before the object was searched for.
-        doubted_frames: for which that place is looked at again.
-    """
-
-    box_xyxy: Floats
-    previous_crop: NDArray[np.uint8] | None
-    state: State
-    first_state: State
-    steps: int
-    result: Result
-    trusted_xyxy: Floats
-    lost_at_xyxy: Floats
-    first_patch: NDArray[np.uint8]
-    last_patch: NDArray[np.uint8]
-    searched_for: int = 0
-    doubted_frames: int = 0
-    scores: ScoreMemory = field(default_factory=ScoreMemory)
+Value = TypeVar("Value", bound=np.generic)
 
 
 class _Look(NamedTuple):
     """A crop to take: for which object, where, and with which memory."""
 
-    track: _Track
+    track: Track
     box_xyxy: Floats
     state: State
 
@@ -126,7 +91,7 @@ class MultiTracker:
             self._engine = load_engine(model, engine, threads, mirror=mirror)
         else:
             self._engine = MirroredEngine(engine) if mirror else engine
-        self._tracks: dict[int, _Track] = {}
+        self._tracks: dict[int, Track] = {}
         self._next_id = 1
 
     @property
@@ -202,7 +167,7 @@ class MultiTracker:
         output = self._engine.step(
             _stacked([look.track.previous_crop for look in looks]),
             self._cut(image, regions, spec.current),
-            {name: np.stack([look.state[name] for look in looks]) for name in spec.state},
+            {name: _batch([look.state[name] for look in looks]) for name in spec.state},
         )
         height, width = image.shape[:2]
         found = geometry.decode(output.corners, regions)
@@ -215,7 +180,7 @@ class MultiTracker:
         ]
 
     def _search_for_unsure(
-        self, image: NDArray[np.uint8], tracks: list[_Track], seen: list[_Sight]
+        self, image: NDArray[np.uint8], tracks: list[Track], seen: list[_Sight]
     ) -> list[_Sight]:
         """Sights of the tracks, those of low score replaced where a search is sure of another."""
         looks, whose, least = [], [], []
@@ -237,7 +202,7 @@ class MultiTracker:
                 best[index] = sight._replace(by_search=True)
         return best
 
-    def _places(self, image: NDArray[np.uint8], track: _Track, sight: _Sight) -> Floats:
+    def _places(self, image: NDArray[np.uint8], track: Track, sight: _Sight) -> Floats:
         """Boxes `[K, 4]` to look at for an object that is searched for, K up to `PLACES`."""
         # An object that may still be there is not looked for elsewhere, where others are like it.
         if track.scores.status(sight.score) is not Status.LOST:
@@ -256,28 +221,8 @@ class MultiTracker:
             "next_id": np.array(self._next_id),
             "ids": np.array(list(self._tracks), dtype=np.int64),
         }
-        for identity, track in self._tracks.items():
-            result, prefix = track.result, f"{identity}/"
-            saved[prefix + "box_xyxy"] = track.box_xyxy.copy()
-            if track.previous_crop is not None:
-                saved[prefix + "previous_crop"] = track.previous_crop.copy()
-            saved[prefix + "steps"] = np.array(track.steps)
-            saved[prefix + "trusted_xyxy"] = track.trusted_xyxy.copy()
-            saved[prefix + "first_patch"] = track.first_patch.copy()
-            saved[prefix + "last_patch"] = track.last_patch.copy()
-            saved[prefix + "searched_for"] = np.array(track.searched_for)
-            saved[prefix + "lost_at_xyxy"] = track.lost_at_xyxy.copy()
-            saved[prefix + "doubted_frames"] = np.array(track.doubted_frames)
-            saved[prefix + "scores"] = np.array(astuple(track.scores), np.float64)
-            saved[prefix + "result"] = np.array(
-                [*result.box_xywh, result.score, result.frame_index], dtype=np.float64
-            )
-            saved[prefix + "status"] = np.array(result.status.value)
-            if result.name is not None:
-                saved[prefix + "name"] = np.array(result.name)
-            for name, values in track.state.items():
-                saved[f"{prefix}state/{name}"] = values.copy()
-                saved[f"{prefix}first_state/{name}"] = track.first_state[name].copy()
+        for track in self._tracks.values():
+            saved |= track.save()
         return saved
 
     def load_state(self, saved: Mapping[str, NDArray]) -> None:
@@ -294,7 +239,7 @@ class MultiTracker:
                     f"the state was saved with model {model!r}, this tracker runs {spec.name!r}; "
                     "load it into a tracker of the same model"
                 )
-            tracks = {int(i): self._restore(saved, int(i)) for i in saved["ids"]}
+            tracks = {i: Track.restore(saved, i, spec) for i in map(int, saved["ids"])}
             next_id = int(saved["next_id"])
         except KeyError as error:
             raise ValueError(
@@ -302,48 +247,7 @@ class MultiTracker:
             ) from error
         self._tracks, self._next_id = tracks, next_id
 
-    def _restore(self, saved: Mapping[str, NDArray], identity: int) -> _Track:
-        prefix, spec = f"{identity}/", self._engine.spec
-        states: list[State] = []
-        for kind in ("state", "first_state"):
-            state = {n: np.array(saved[f"{prefix}{kind}/{n}"], np.float32) for n in spec.state}
-            for name, shape in spec.state.items():
-                if state[name].shape != shape:
-                    raise ValueError(
-                        f"saved {kind}/{name} of object {identity} has shape "
-                        f"{state[name].shape}; model {spec.name!r} expects {shape}"
-                    )
-            states.append(state)
-        x, y, w, h, score, index = (float(v) for v in saved[prefix + "result"])
-        usual, recent, low_frames, lost = (float(v) for v in saved[prefix + "scores"])
-        return _Track(
-            box_xyxy=np.array(saved[prefix + "box_xyxy"], np.float64),
-            previous_crop=(
-                None
-                if spec.previous is None
-                else np.array(saved[prefix + "previous_crop"], np.uint8)
-            ),
-            state=states[0],
-            first_state=states[1],
-            steps=int(saved[prefix + "steps"]),
-            trusted_xyxy=np.array(saved[prefix + "trusted_xyxy"], np.float64),
-            first_patch=np.array(saved[prefix + "first_patch"], np.uint8),
-            last_patch=np.array(saved[prefix + "last_patch"], np.uint8),
-            searched_for=int(saved[prefix + "searched_for"]),
-            lost_at_xyxy=np.array(saved[prefix + "lost_at_xyxy"], np.float64),
-            doubted_frames=int(saved[prefix + "doubted_frames"]),
-            scores=ScoreMemory(usual, recent, int(low_frames), bool(lost)),
-            result=Result(
-                box_xywh=(x, y, w, h),
-                score=score,
-                status=Status(str(saved[prefix + "status"])),
-                frame_index=int(index),
-                object_id=identity,
-                name=str(saved[prefix + "name"]) if prefix + "name" in saved else None,
-            ),
-        )
-
-    def _start(self, image: NDArray[np.uint8], box_xywh: Floats, result: Result) -> _Track:
+    def _start(self, image: NDArray[np.uint8], box_xywh: Floats, result: Result) -> Track:
         """The first forward pass; the box it finds is discarded in favour of the one given."""
         spec = self._engine.spec
         box = geometry.convert(box_xywh, "xywh", "xyxy")
@@ -351,7 +255,7 @@ class MultiTracker:
         nothing = {name: values[0] for name, values in zero_state(spec, 1).items()}
         state = self._look_at_one_frame(image, box, previous, nothing)
         patch = cut_patch(image, box)
-        return _Track(box, previous, state, state, 0, result, box, box, patch, patch)
+        return Track(box, previous, state, state, 0, result, box, box, patch, patch)
 
     def _look_at_one_frame(
         self,
@@ -370,7 +274,7 @@ class MultiTracker:
         )
         return {name: values[0] for name, values in output.state.items()}
 
-    def _advance(self, track: _Track, image: NDArray[np.uint8], sight: _Sight) -> None:
+    def _advance(self, track: Track, image: NDArray[np.uint8], sight: _Sight) -> None:
         spec = self._engine.spec
         # An object taken back is seen with the memory of the first frame.
         track.steps = 1 if sight.by_search else track.steps + 1
@@ -434,7 +338,7 @@ class MultiTracker:
             return geometry.crop(image, region_xyxy, view.size, spec.fill)
 
         if self._threads == 1 or len(regions_xyxy) <= self._threads:
-            return np.stack([cut(region) for region in regions_xyxy])
+            return _batch([cut(region) for region in regions_xyxy])
         return np.stack(list(self._pool.map(cut, regions_xyxy)))
 
     @cached_property
@@ -508,6 +412,11 @@ class Tracker:
     def _only(self) -> Result:
         (result,) = self._multi.results.values()
         return result
+
+
+def _batch(arrays: list[NDArray[Value]]) -> NDArray[Value]:
+    """Arrays of one shape along a new first axis; of a single one nothing is copied."""
+    return arrays[0][None] if len(arrays) == 1 else np.stack(arrays)
 
 
 def _stacked(crops: list[NDArray[np.uint8] | None]) -> NDArray[np.uint8] | None:
