@@ -38,7 +38,8 @@ class Engine(Protocol):
         Args:
             previous_crops, current_crops: uint8 `[N, S, S, 3]` BGR, sizes as in `spec`; None for
                 a network without previous crop.
-            state: of the step before, zeros before the first.
+            state: of the step before, zeros before the first; not to be changed in place, it may
+                be needed again.
         """
         ...
 
