@@ -28,9 +28,17 @@ def test_convert(source, target, box, expected):
     np.testing.assert_allclose(geometry.convert(box, source, target), expected)
 
 
-def test_convert_names_a_wrong_shape():
+@pytest.mark.parametrize(
+    "use",
+    [
+        lambda boxes: geometry.convert(boxes, "xywh", "xyxy"),
+        lambda boxes: geometry.search_region(boxes, 2.0),
+        lambda boxes: geometry.clip_inside(boxes, 100, 80),
+    ],
+)
+def test_a_wrong_shape_is_named(use):
     with pytest.raises(ValueError, match=r"shape \(3,\).*\[\.\.\., 4\]"):
-        geometry.convert([1, 2, 3], "xywh", "xyxy")
+        use([1, 2, 3])
 
 
 @pytest.mark.parametrize(

@@ -32,9 +32,7 @@ SMALLEST_SIDE = 1.0
 
 def convert(boxes: ArrayLike, source: BoxFormat, target: BoxFormat) -> Floats:
     """Convert boxes `[..., 4]` between formats; raises ValueError on another shape."""
-    boxes = np.asarray(boxes, dtype=np.float64)
-    if boxes.shape[-1:] != (4,):
-        raise ValueError(f"boxes have shape {boxes.shape}; expected [..., 4] in {source} order")
+    boxes = _checked(boxes, source)
     if source == target:
         return boxes.copy()
     first, second = boxes[..., :2], boxes[..., 2:]
@@ -49,6 +47,14 @@ def convert(boxes: ArrayLike, source: BoxFormat, target: BoxFormat) -> Floats:
     if target == "xyxy":
         return np.concatenate([low, high], axis=-1)
     return np.concatenate([(low + high) / 2, high - low], axis=-1)
+
+
+def _checked(boxes: ArrayLike, order: BoxFormat) -> Floats:
+    """Boxes as floats; raises ValueError where they are not `[..., 4]`."""
+    floats = np.asarray(boxes, dtype=np.float64)
+    if floats.shape[-1:] != (4,):
+        raise ValueError(f"boxes have shape {floats.shape}; expected [..., 4] in {order} order")
+    return floats
 
 
 def iou_xyxy(a: ArrayLike, b: ArrayLike) -> Floats:
@@ -81,8 +87,11 @@ def search_region(boxes_xyxy: ArrayLike, context: float) -> Floats:
 
     Returns:
         regions `[..., 4]` as xyxy in pixels; may reach outside the frame.
+
+    Raises:
+        ValueError: boxes of another shape.
     """
-    boxes = np.asarray(boxes_xyxy, dtype=np.float64)
+    boxes = _checked(boxes_xyxy, "xyxy")
     low, high = boxes[..., :2], boxes[..., 2:]
     middle, reach = (low + high) / 2, np.maximum(high - low, SMALLEST_SIDE) * context / 2
     return np.concatenate([middle - reach, middle + reach], axis=-1)
@@ -230,8 +239,11 @@ def clip_inside(boxes_xyxy: ArrayLike, width: float, height: float) -> Floats:
     Args:
         boxes_xyxy: `[..., 4]` in pixels, finite.
         width, height: of the frame in pixels.
+
+    Raises:
+        ValueError: boxes of another shape.
     """
-    boxes = np.asarray(boxes_xyxy, dtype=np.float64)
+    boxes = _checked(boxes_xyxy, "xyxy")
     low, high = boxes[..., :2], boxes[..., 2:]
     limit = np.array([width, height], dtype=np.float64)
     middle = np.minimum(np.maximum((low + high) / 2, 0.0), limit)

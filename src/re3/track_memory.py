@@ -28,8 +28,8 @@ class Track:
         steps: since the last reset.
         result: of the frame last seen.
         trusted_xyxy: `[4]`, the latest box that was neither uncertain nor lost.
-        first_patch, last_patch: pixels of the object in the first frame, and when it last had its
-            usual score, to find what looks like it.
+        first_patch, last_patch: the object in the first frame, and when it last had its usual
+            score, to find what looks like it; as `re3.search.cut_patch` gives them.
         searched_for: frames on end with a score low enough for a search.
         scores: what is remembered of them.
         lost_at_xyxy: `[4]`, the box last trusted before the object was searched for.
@@ -78,6 +78,11 @@ class Track:
     @classmethod
     def restore(cls, saved: Mapping[str, NDArray], object_id: int, spec: ModelSpec) -> Track:
         """From what `save` gave, among that of other objects.
+
+        Args:
+            saved: arrays by name.
+            object_id: whose.
+            spec: of the model that goes on with it.
 
         Raises:
             KeyError: something is missing.

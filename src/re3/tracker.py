@@ -422,7 +422,7 @@ def _batch(arrays: list[NDArray[Value]]) -> NDArray[Value]:
 def _stacked(crops: list[NDArray[np.uint8] | None]) -> NDArray[np.uint8] | None:
     """One batch of the previous crops; None for a model without them."""
     present = [crop for crop in crops if crop is not None]
-    return np.stack(present) if present else None
+    return _batch(present) if present else None
 
 
 def _as_tuple(box: Floats) -> tuple[float, float, float, float]:

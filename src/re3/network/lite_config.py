@@ -72,6 +72,7 @@ class LiteConfig:
         return round(self.view_cells / self.view)
 
     def spec(self) -> ModelSpec:
+        """What a tracker must know to drive such a network."""
         units = self.lstm_units
         return ModelSpec(
             name=self.name,
