@@ -1,7 +1,7 @@
 """The named models: what there is, what ships, and what was measured of it.
 
 A shipped model has files in `re3/weights`: `<name>.onnx` in full precision, `<name>-int8.onnx`, the
-same in eight bits, and its card `<name>.json`. A model that mirrors another one has a card only.
+same in eight bits, and its card `<name>.json`.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ class ModelCard:
         accuracy: what was measured, such as {"DAVIS AUC": 0.68}; empty where nothing was.
         speed_fps: tracked frames a second, one object, or None; on the machine the card names.
         details: everything else the card says: data, recipe, machine, commands, licence.
-        mirrors: name of the model whose network and files it uses, looking at each crop mirrored
-            as well (`re3.engine.mirrored`); empty for a model of its own.
+        mirrored: whether it looks at each crop mirrored as well (`re3.engine.mirrored`); its files
+            are of one look.
     """
 
     name: str
@@ -43,27 +43,22 @@ class ModelCard:
     accuracy: dict[str, float] = field(default_factory=dict)
     speed_fps: float | None = None
     details: dict[str, object] = field(default_factory=dict)
-    mirrors: str = ""
-
-    @property
-    def files(self) -> str:
-        """The name that its files have."""
-        return self.mirrors or self.name
+    mirrored: bool = False
 
 
 _CATALOGUE = (
     ModelCard(
         name="re3-base",
-        description="the network of re3-lite looking twice, at each crop and its mirror image",
+        description="like re3-lite, but looking twice, at each crop and its mirror image",
         parameters=5_171_239,
         crop_size=192,
         shipped=True,
-        mirrors="re3-lite",
+        mirrored=True,
     ),
     ModelCard(
         name="re3-lite",
         description="ours, sized for a CPU: spatial readout, EfficientNet-Lite0 trunk",
-        parameters=5_171_239,
+        parameters=5_170_439,
         crop_size=192,
         shipped=True,
     ),
@@ -84,7 +79,7 @@ def list_models() -> list[ModelCard]:
 
 
 def _with_figures(card: ModelCard) -> ModelCard:
-    weights, written = WEIGHTS / f"{card.files}.onnx", WEIGHTS / f"{card.name}.json"
+    weights, written = WEIGHTS / f"{card.name}.onnx", WEIGHTS / f"{card.name}.json"
     if not card.shipped or not weights.is_file():
         return card
     details = json.loads(written.read_text(encoding="utf-8")) if written.is_file() else {}
@@ -100,7 +95,7 @@ def _with_figures(card: ModelCard) -> ModelCard:
 def is_mirrored(model: str | Path) -> bool:
     """Whether a named model looks at each crop mirrored as well."""
     card = _CARDS.get(str(model))
-    return card is not None and bool(card.mirrors)
+    return card is not None and card.mirrored
 
 
 def find_eight_bits(model: str | Path) -> Path | None:
@@ -108,7 +103,7 @@ def find_eight_bits(model: str | Path) -> Path | None:
     card = _CARDS.get(str(model))
     if card is None:
         return None
-    path = WEIGHTS / f"{card.files}-int8.onnx"
+    path = WEIGHTS / f"{card.name}-int8.onnx"
     return path if path.is_file() else None
 
 
@@ -130,7 +125,7 @@ def find_weights(model: str | Path) -> Path:
             f"unknown model {str(model)!r}; expected one of {', '.join(_CARDS)}, "
             "or the path of an .onnx, .safetensors or OpenVINO .xml file"
         )
-    weights = WEIGHTS / f"{card.files}.onnx"
+    weights = WEIGHTS / f"{card.name}.onnx"
     if not weights.is_file():
         if card.shipped:
             raise ValueError(

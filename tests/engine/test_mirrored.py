@@ -11,6 +11,7 @@ from re3.engine import StepOutput, load_engine, zero_state
 from re3.engine.mirrored import MirroredEngine, shares
 from re3.geometry import REGRESSION_SCALE
 from re3.model_spec import CropSpec, ModelSpec
+from re3.models import find_eight_bits
 from re3.video import open_source
 
 CLIP = Path(__file__).parents[2] / "examples" / "clips" / "person.mp4"
@@ -113,11 +114,12 @@ def boxes(frames, **options):
 
 def test_a_name_or_an_option_asks_for_it(frames):
     base = boxes(frames, model="re3-base")
-    lite = boxes(frames, model="re3-lite")
-    assert np.abs(np.subtract(base, lite)).max() > 0.1
-    assert base == boxes(frames, model="re3-lite", mirror=True)
-    assert base == boxes(frames, engine=load_engine("re3-lite"), mirror=True)
-    assert lite == boxes(frames, model="re3-base", mirror=False)
+    once = boxes(frames, model="re3-base", mirror=False)
+    assert np.abs(np.subtract(base, once)).max() > 0.1
+    path = str(find_eight_bits("re3-base"))  # one look
+    assert base == boxes(frames, model=path, mirror=True)
+    assert base == boxes(frames, engine=load_engine(path), mirror=True)
+    assert once == boxes(frames, model=path)
 
 
 def test_a_state_is_of_its_model(frames):
@@ -133,8 +135,8 @@ def test_a_mirrored_picture_gives_mirrored_boxes(frames):
     width = frames[0].shape[1]
     x, y, w, h = PERSON
 
-    def difference(model):
-        plain, turned = re3.Tracker(model), re3.Tracker(model)
+    def difference(**options):
+        plain, turned = re3.Tracker("re3-base", **options), re3.Tracker("re3-base", **options)
         plain.init(frames[0], PERSON)
         turned.init(np.ascontiguousarray(frames[0][:, ::-1]), (width - x - w, y, w, h))
         apart = 0.0
@@ -144,10 +146,11 @@ def test_a_mirrored_picture_gives_mirrored_boxes(frames):
             apart = max(apart, abs(a[0] - (width - b[0] - b[2])), abs(a[2] - b[2]))
         return apart
 
-    assert 3 * difference("re3-base") < difference("re3-lite")
+    assert 3 * difference() < difference(mirror=False)
 
 
 def test_resets_and_crops_are_those_of_the_network():
     spec = load_engine("re3-base").spec
-    once = load_engine("re3-lite").spec
+    once = load_engine("re3-base", mirror=False).spec
+    assert once.name == "re3-look"
     assert replace(spec, name=once.name, state=once.state) == once

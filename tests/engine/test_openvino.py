@@ -10,8 +10,8 @@ from re3.models import DEFAULT_MODEL, find_weights
 
 
 def test_it_runs_the_eight_bits_where_there_are_any():
-    assert find_file(DEFAULT_MODEL, "openvino")[0].name == "re3-lite-int8.onnx"
-    assert find_file(find_weights(DEFAULT_MODEL), "openvino")[0].name == "re3-lite.onnx"
+    assert find_file(DEFAULT_MODEL, "openvino")[0].name == "re3-base-int8.onnx"
+    assert find_file(find_weights(DEFAULT_MODEL), "openvino")[0].name == "re3-base.onnx"
 
 
 def test_a_file_for_openvino_is_run_by_it_alone(tmp_path):

@@ -16,8 +16,10 @@ from re3.network.quantize import (  # noqa: E402
     QuantizedCell,
     is_quantized,
     quantize,
+    with_quantized_layers,
 )
 from re3.network.re3_lite import Re3Lite  # noqa: E402
+from re3.network.variants import build  # noqa: E402
 from re3.network.weights import load_network  # noqa: E402
 
 TINY = LiteConfig(fully_connected=16, lstm_units=8, fused=16, embedding=16, correlation=8)
@@ -135,6 +137,23 @@ def test_pixels_are_the_first_layer_s_levels(pair, tmp_path):
     assert (pixels.op_type, list(pixels.input)) == ("Transpose", ["current_crops"])
 
 
+def test_maps_are_joined_as_bytes(pair, tmp_path):
+    _, quantised = pair
+    path = tmp_path / "tiny.onnx"
+    export_onnx(quantised, path)
+    nodes = onnx.load(str(path)).graph.node
+    made = {output: node for node in nodes for output in node.output}
+    rounded = {n.input[0] for n in nodes if n.op_type == "QuantizeLinear"}
+    joins = [n for n in nodes if n.op_type == "Concat" and n.output[0] in rounded]
+    assert len(joins) == 3  # of the embedding, the fused map, the second cell
+    for join in joins:
+        levels = [made[part] for part in join.input]
+        assert {node.op_type for node in levels} == {"DequantizeLinear"}
+        assert len({tuple(node.input[1:]) for node in levels}) == 1
+    (enlarged,) = [node for node in nodes if node.op_type == "Resize"]
+    assert made[enlarged.input[0]].op_type == "QuantizeLinear"
+
+
 def test_the_file_has_integers_runs_and_loads_back(pair, tmp_path):
     network, quantised = pair
     path = tmp_path / "tiny.onnx"
@@ -154,10 +173,11 @@ def test_the_file_has_integers_runs_and_loads_back(pair, tmp_path):
     np.testing.assert_allclose(step.corners, corners, atol=0.1)
 
 
-def test_the_shipped_file_loads_into_torch_with_its_levels(tmp_path):
+@pytest.mark.parametrize("model", ["re3-base", "re3-lite"])
+def test_a_shipped_file_loads_into_torch_with_its_levels(model, tmp_path):
     from re3.models import find_eight_bits
 
-    path = find_eight_bits("re3-lite")
+    path = find_eight_bits(model)
     network = load_network(path)
     assert is_quantized(network)
     again = tmp_path / "again.onnx"
@@ -168,6 +188,14 @@ def test_the_shipped_file_loads_into_torch_with_its_levels(tmp_path):
         for file in (path, again)
     ]
     np.testing.assert_array_equal(*outputs)
+
+
+@pytest.mark.parametrize(("name", "rounded"), [("re3-lite", 6 + 3), ("re3-look", 0)])
+def test_what_residual_blocks_add_up_is_rounded_in_a_lean_network(name, rounded):
+    quantised = with_quantized_layers(build(name))
+    sums = [part for part, _ in quantised.named_modules() if part.endswith(".sum")]
+    levels = [part for part in sums if isinstance(quantised.get_submodule(part), Levels)]
+    assert len(levels) == rounded
 
 
 def test_only_full_precision_can_be_quantised(pair):

@@ -47,7 +47,8 @@ def network(request):
     ("name", "parameters"),
     [
         ("re3", 190_004_324),  # as the authors' large network
-        ("re3-lite", 5_179_687),
+        ("re3-lite", 5_178_887),
+        ("re3-look", 5_179_687),
     ],
 )
 def test_parameter_count(name, parameters):

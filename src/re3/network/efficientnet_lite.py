@@ -89,10 +89,11 @@ class InvertedResidual(nn.Module):
         )
         self.project = nn.Sequential(SamePadConv(hidden, outputs, 1), _norm(outputs))
         self.residual = stride == 1 and inputs == outputs
+        self.sum: nn.Module = nn.Identity()  # rounds in eight bits: `re3.network.quantize`
 
     def forward(self, x: Tensor) -> Tensor:
         y = self.project(self.depthwise(self.expand(x)))
-        return x + y if self.residual else y
+        return self.sum(x + y) if self.residual else y
 
 
 class EfficientNetLite0(nn.Module):

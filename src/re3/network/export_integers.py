@@ -10,6 +10,9 @@ from torch import nn
 from re3.network.quantize import Quantized
 from re3.network.weights import INTEGER_SUFFIX, SCALE_SUFFIX, ZERO_SUFFIX
 
+COPYING = ("Flatten", "Resize")
+"""Operators that give values they are given; `Resize` does as networks here use it, to nearest."""
+
 
 def store_integers(model: onnx.ModelProto, network: nn.Module) -> None:
     """Give the layers that compute in eight bits their weights and biases as integers.
@@ -41,6 +44,50 @@ def store_integers(model: onnx.ModelProto, network: nn.Module) -> None:
     del graph.node[:]
     graph.node.extend(nodes)
     _take_pixels_as_they_are(graph)
+    _round_before_joining(graph)
+
+
+def _round_before_joining(graph: onnx.GraphProto) -> None:
+    """Where maps are joined and then rounded, round each of them, so that bytes are joined.
+
+    The values are the same. Enlarged and flattened are bytes as well, and a LeakyReLU before is
+    looked up in a table.
+    """
+    nodes = list(graph.node)
+    makers = {output: node for node in nodes for output in node.output}
+    for joining in [node for node in nodes if node.op_type == "Concat"]:
+        users = _users(joining.output[0], nodes)
+        if len(users) != 1 or users[0].op_type != "QuantizeLinear":
+            continue
+        levels = users[0].input[1:]
+        for index, part in enumerate(joining.input):
+            copying = []  # what only copies values, last first
+            while _copies(makers.get(part)) and len(_users(part, nodes)) == 1:
+                copying.append(makers[part])
+                part = makers[part].input[0]
+            name = f"{joining.name}/part{index}"
+            now = f"{name}/integers"
+            nodes_here = [helper.make_node("QuantizeLinear", [part, *levels], [now], now)]
+            for node in reversed(copying):
+                node.input[0], now = now, f"{node.output[0]}_integers"
+                node.output[0] = now
+                nodes.remove(node)
+                nodes_here.append(node)
+            joining.input[index] = f"{name}/levels"
+            output = list(joining.input[index : index + 1])
+            nodes_here.append(helper.make_node("DequantizeLinear", [now, *levels], output, *output))
+            place = nodes.index(joining)
+            nodes[place:place] = nodes_here
+    del graph.node[:]
+    graph.node.extend(nodes)
+
+
+def _copies(node: onnx.NodeProto | None) -> bool:
+    return node is not None and node.op_type in COPYING
+
+
+def _users(name: str, nodes: list[onnx.NodeProto]) -> list[onnx.NodeProto]:
+    return [node for node in nodes if name in node.input]
 
 
 def _take_pixels_as_they_are(graph: onnx.GraphProto) -> None:

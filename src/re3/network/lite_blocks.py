@@ -27,6 +27,11 @@ class ChannelNorm(nn.Module):
         return normed.permute(0, 3, 1, 2)
 
 
+def prelu(config: LiteConfig, channels: int) -> nn.PReLU:
+    """The activation behind a layer of so many channels."""
+    return nn.PReLU(1 if config.lean else channels)
+
+
 class Adapter(nn.Module):
     """Adds to a map what three convolutions make of it.
 
@@ -34,18 +39,19 @@ class Adapter(nn.Module):
     learn what tells one thing from the next of its kind.
     """
 
-    def __init__(self, channels: int, inside: int) -> None:
+    def __init__(self, config: LiteConfig, channels: int, inside: int) -> None:
         super().__init__()
         self.change = nn.Sequential(
             nn.Conv2d(channels, inside, 1),
-            nn.PReLU(inside),
+            prelu(config, inside),
             nn.Conv2d(inside, inside, 3, padding=1),
-            nn.PReLU(inside),
+            prelu(config, inside),
         )
         self.contract = nn.Conv2d(inside, channels, 1)
+        self.sum: nn.Module = nn.Identity()  # rounds in eight bits: `re3.network.quantize`
 
     def forward(self, x: Tensor) -> Tensor:
-        changed: Tensor = x + self.contract(self.change(x))
+        changed: Tensor = self.sum(x + self.contract(self.change(x)))
         return changed
 
 
@@ -56,13 +62,16 @@ class Embedding(nn.Module):
         super().__init__()
         skip4, skip8, skip16 = config.skips
         self.adapt16 = nn.Sequential(
-            Adapter(OUT_CHANNELS[16], config.adapter), Adapter(OUT_CHANNELS[16], config.adapter)
+            Adapter(config, OUT_CHANNELS[16], config.adapter),
+            Adapter(config, OUT_CHANNELS[16], config.adapter),
         )
-        self.skip4 = nn.Sequential(nn.Conv2d(OUT_CHANNELS[4], skip4, 2, stride=2), nn.PReLU(skip4))
-        self.skip8 = nn.Sequential(nn.Conv2d(OUT_CHANNELS[8], skip8, 1), nn.PReLU(skip8))
-        self.skip16 = nn.Sequential(nn.Conv2d(OUT_CHANNELS[16], skip16, 1), nn.PReLU(skip16))
+        self.skip4 = nn.Sequential(
+            nn.Conv2d(OUT_CHANNELS[4], skip4, 2, stride=2), prelu(config, skip4)
+        )
+        self.skip8 = nn.Sequential(nn.Conv2d(OUT_CHANNELS[8], skip8, 1), prelu(config, skip8))
+        self.skip16 = nn.Sequential(nn.Conv2d(OUT_CHANNELS[16], skip16, 1), prelu(config, skip16))
         self.merge = nn.Conv2d(sum(config.skips), config.embedding, 1)
-        self.adapt8 = Adapter(config.embedding, config.adapter // 2)
+        self.adapt8 = Adapter(config, config.embedding, config.adapter // 2)
         self.norm = ChannelNorm(config.embedding)
 
     def forward(self, features: Features) -> Tensor:
@@ -107,7 +116,7 @@ class Correlation(nn.Module):
         self.positions = config.template_cells**2
         self.scale = config.embedding**-0.5
         self.reduce = nn.Sequential(
-            nn.Conv2d(self.positions, config.correlation, 1), nn.PReLU(config.correlation)
+            nn.Conv2d(self.positions, config.correlation, 1), prelu(config, config.correlation)
         )
 
     def forward(self, template: Tensor, current: Tensor) -> Tensor:

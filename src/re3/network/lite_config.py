@@ -31,6 +31,8 @@ class LiteConfig:
         fully_connected: units of the fully connected layer.
         lstm_units: units of each LSTM cell.
         reset_interval: steps between two resets of the recurrent state.
+        lean: one slope for each PReLU, not one for each channel, and in eight bits what residual
+            blocks add up is rounded as well: a tenth to a seventh less time.
     """
 
     name: str = "re3-lite"
@@ -44,6 +46,7 @@ class LiteConfig:
     fully_connected: int = 384
     lstm_units: int = 256
     reset_interval: int = 32
+    lean: bool = True
 
     def __post_init__(self) -> None:
         if self.current.size % 16:

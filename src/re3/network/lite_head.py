@@ -8,7 +8,7 @@ import torch
 from torch import Tensor, nn
 
 from re3.geometry import REGRESSION_SCALE
-from re3.network.lite_blocks import Adapter, Correlation, Embedding, sample_region
+from re3.network.lite_blocks import Adapter, Correlation, Embedding, prelu, sample_region
 from re3.network.lite_config import LiteConfig, LiteState
 from re3.network.peephole_lstm import CellState, FactoredLSTM
 
@@ -38,14 +38,14 @@ class LiteHead(nn.Module):
         self.correlate_first = Correlation(config)
         self.fuse = nn.Sequential(
             nn.Conv2d(config.embedding + 2 * config.correlation, fused, 1),
-            nn.PReLU(fused),
+            prelu(config, fused),
             nn.Conv2d(fused, fused, 3, padding=1),
-            nn.PReLU(fused),
+            prelu(config, fused),
             nn.Conv2d(fused, fused, 3, padding=1),
-            nn.PReLU(fused),
+            prelu(config, fused),
         )
         self.squeeze = nn.Sequential(
-            nn.Conv2d(fused, fused // 2, 3, stride=2, padding=1), nn.PReLU(fused // 2)
+            nn.Conv2d(fused, fused // 2, 3, stride=2, padding=1), prelu(config, fused // 2)
         )
         pooled = (config.view_cells // 4) ** 2 * config.embedding
         self.fully_connected = nn.Sequential(
@@ -53,7 +53,7 @@ class LiteHead(nn.Module):
         )
         self.lstm = FactoredLSTM(config.fully_connected, units)
         self.modulate = nn.Linear(units, 2 * fused)
-        self.refine = nn.Sequential(nn.Conv2d(fused, fused, 3, padding=1), nn.PReLU(fused))
+        self.refine = nn.Sequential(nn.Conv2d(fused, fused, 3, padding=1), prelu(config, fused))
         self.heat = nn.Conv2d(fused, 2, 1)
         self.residual = nn.Linear(units, 4)
         likeness = 2 * config.template_cells**2

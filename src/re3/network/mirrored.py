@@ -1,4 +1,4 @@
-"""A network that looks at every crop as it is and mirrored: `re3-base` is `re3-lite` so.
+"""A network that looks at every crop as it is and mirrored: `re3-base`.
 
 The rule is that of `re3.engine.mirrored`, which tracks so with any network; here it is part of the
 network, to be exported as one graph.
@@ -6,7 +6,7 @@ network, to be exported as one graph.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import torch
@@ -17,6 +17,9 @@ from re3.mirroring import LOOKS, NO_SCORE, SHARPNESS, mirrored_spec
 from re3.model_spec import ModelSpec
 from re3.network.base import StepNetwork
 from re3.network.lite_config import LiteConfig
+
+LOOK = LiteConfig(name="re3-look", lean=False)
+"""One look of `re3-base`: `re3-lite` but for what makes that lean, with weights of its own."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +32,7 @@ class MirroredConfig:
     """
 
     name: str = "re3-base"
-    once: LiteConfig = field(default_factory=LiteConfig)
+    once: LiteConfig = LOOK
 
     def spec(self) -> ModelSpec:
         return mirrored_spec(self.once.spec(), self.name)

@@ -1,9 +1,10 @@
 """Eight-bit arithmetic for a trained network: static, per tensor and, for weights, per channel.
 
 Convolutions, large fully connected layers and recurrent cells get weights of 8 bits and an input
-rounded to 256 levels, whose range is watched while the network runs on recorded steps. In torch all
-values stay floats that lie on those levels; the exported graph has the integers, and ONNX Runtime
-computes with them. Both give the same values but for rounding.
+rounded to 256 levels; in a lean network what residual blocks add up is rounded as well. The range
+of these is watched while the network runs on recorded steps. In torch all values stay floats that
+lie on those levels; the exported graph has the integers, and ONNX Runtime computes with them. Both
+give the same values but for rounding.
 
 Scheme: Jacob et al., "Quantization and Training of Neural Networks for Efficient
 Integer-Arithmetic-Only Inference" (2018), sec. 2; after training, batch norms folded first.
@@ -19,7 +20,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
-from re3.network.efficientnet_lite import PIXEL_MEAN
+from re3.network.efficientnet_lite import PIXEL_MEAN, InvertedResidual
+from re3.network.lite_blocks import Adapter
 from re3.network.lite_config import LiteState
 from re3.network.peephole_lstm import PeepholeLSTMCell
 from re3.network.re3_lite import Re3Lite
@@ -167,7 +169,10 @@ def is_quantized(network: nn.Module) -> bool:
 def with_quantized_layers(network: SomeNetwork) -> SomeNetwork:
     """A copy of a network whose layers are made for eight bits, with levels yet to be set."""
     network = copy.deepcopy(network).eval()
+    lean = all(one.config.lean for one in network.modules() if isinstance(one, Re3Lite))
     for parent in list(network.modules()):
+        if lean and isinstance(parent, Adapter | InvertedResidual) and _adds(parent):
+            parent.sum = Levels()
         children = list(parent.named_children())
         in_order = isinstance(parent, nn.Sequential)
         for position, (name, child) in enumerate(children):
@@ -186,6 +191,10 @@ def with_quantized_layers(network: SomeNetwork) -> SomeNetwork:
             # What a rectifier lets through is rounded at the input of the next layer.
             setattr(parent, name, Quantized(layer, round_output=not rectified))
     return network
+
+
+def _adds(block: Adapter | InvertedResidual) -> bool:
+    return isinstance(block, Adapter) or block.residual
 
 
 def _suits(layer: nn.Conv2d | nn.Linear) -> bool:

@@ -16,6 +16,8 @@ import onnx
 from numpy.typing import NDArray
 from onnx import helper, numpy_helper
 
+from re3.network.onnx_graph import put_nodes
+
 SMALLEST = 1 << 16
 """Products with fewer weights stay as they are: they cost nothing."""
 
@@ -76,7 +78,7 @@ def quantize_products(model: onnx.ModelProto) -> onnx.ModelProto:
             "from 8-bit weights"
         )
     graph.initializer.extend(_shared_constants())
-    _put(model, nodes)
+    put_nodes(model, nodes)
     return model
 
 
@@ -188,19 +190,3 @@ def _integer_product(
         add_bias = helper.make_node("Add", [*product, *bias], [node.output[0]], prefix + "biased")
         nodes.append(add_bias)
     return nodes
-
-
-def _put(model: onnx.ModelProto, nodes: list[onnx.NodeProto]) -> None:
-    """Put nodes in place, without what nothing uses any longer."""
-    graph = model.graph
-    outputs = {output.name for output in graph.output}
-    while True:
-        used = {name for node in nodes for name in node.input} | outputs
-        needed = [node for node in nodes if used.intersection(node.output)]
-        if len(needed) == len(nodes):
-            break
-        nodes = needed
-    kept = [weight for weight in graph.initializer if weight.name in used]
-    del graph.node[:], graph.initializer[:]
-    graph.node.extend(nodes)
-    graph.initializer.extend(kept)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from re3.network.authors import AuthorsConfig, AuthorsSmall, AuthorsSmallConfig
 from re3.network.base import TrackingNetwork
 from re3.network.lite_config import LiteConfig
-from re3.network.mirrored import Mirrored, MirroredConfig
+from re3.network.mirrored import LOOK, Mirrored, MirroredConfig
 from re3.network.re3 import Re3, Re3Config
 from re3.network.re3_lite import Re3Lite
 from re3.network.table_one import CONFIGS
@@ -17,6 +17,7 @@ VARIANTS: dict[str, Config] = {
     "re3": Re3Config(),
     "re3-lite": LiteConfig(),
     "re3-base": MirroredConfig(),
+    "re3-look": LOOK,
     "re3-authors": AuthorsConfig(),
     "re3-authors-small": AuthorsSmallConfig(),
     "re3-alexnet": Re3Config(name="re3-alexnet", trunk="alexnet"),

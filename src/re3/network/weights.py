@@ -106,7 +106,10 @@ def _read_onnx(path: Path) -> tuple[str, dict[str, Tensor]]:
         for weight in model.graph.initializer
         if weight.name.startswith("network.")
     }
-    values = {}
+    slopes = [node for node in model.graph.node if node.op_type == "LeakyRelu"]
+    values = {
+        node.name.removeprefix("network."): torch.tensor([node.attribute[0].f]) for node in slopes
+    }
     for integers in [name for name in stored if name.endswith(INTEGER_SUFFIX)]:
         name = integers.removesuffix(INTEGER_SUFFIX)
         value, scale = stored.pop(integers), stored.pop(name + SCALE_SUFFIX)
