@@ -9,6 +9,7 @@ import torch
 from re3.model_spec import ModelSpec
 from re3.network.lite_blocks import Adapter, sample_region
 from re3.network.lite_config import LiteConfig
+from re3.network.mirrored import LOOK
 from re3.network.re3 import Re3Config
 from re3.network.variants import VARIANTS, build
 from re3.network.weights import load_network, save_weights
@@ -179,6 +180,16 @@ def test_a_broken_weights_file_is_named(tmp_path, content, message):
     path.write_bytes(content)
     with pytest.raises(ValueError, match=rf"broken\.safetensors.*{message}"):
         load_network(path)
+
+
+def test_a_re3_lite_of_before_it_was_lean_is_a_look_of_re3_base(tmp_path):
+    network = build(LiteConfig(lean=False))  # under the name that such files have
+    with torch.no_grad():
+        network.head.fuse[1].weight.uniform_()
+    save_weights(network, tmp_path / "old.safetensors")
+    loaded = load_network(tmp_path / "old.safetensors")
+    assert loaded.config == LOOK
+    assert torch.equal(loaded.head.fuse[1].weight, network.head.fuse[1].weight)
 
 
 def test_weights_of_another_size_are_refused(tmp_path):

@@ -20,6 +20,8 @@ from re3.network.variants import VARIANTS, Network, build
 VARIANT_KEY = "re3_variant"
 HALF_SUFFIX = "_half"
 """Weights that an ONNX file stores in half precision have this after their name."""
+A_SLOPE = "head.fuse.1.weight"
+"""Has many values in files of `re3-lite` from before it was lean: they are of `re3-look` now."""
 INTEGER_SUFFIX, SCALE_SUFFIX, ZERO_SUFFIX = "_integer", "_scale", "_zero"
 """The first is after the names of those that it stores as integers, the others after those of what
 one is worth and which stands for zero."""
@@ -57,6 +59,8 @@ def load_network(path: str | Path) -> Network:
         name, values = _read_onnx(path)
     else:
         name, values = _read_safetensors(path)
+    if name == "re3-lite" and values.get(A_SLOPE, torch.empty(0)).numel() > 1:
+        name = "re3-look"
     if name not in VARIANTS:
         raise ValueError(f"{path} holds weights of {name!r}; expected one of {', '.join(VARIANTS)}")
     network = build(name)
