@@ -6,6 +6,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -15,7 +16,7 @@ from re3.confidence import DOUBTED_FRAMES
 from re3.engine import StepOutput
 from re3.model_spec import CropSpec, ModelSpec
 from re3.result import Status
-from re3.search import PLACES
+from re3.search import PLACES, places
 from re3.video import open_source
 
 PREVIOUS = CropSpec(context=2.0, size=16)
@@ -314,6 +315,32 @@ def test_a_lost_object_is_found_far_away_by_its_looks():
     assert abs(x - 340) < w and abs(y - 250) < h
 
 
+def test_a_search_is_for_the_whole_of_an_object_that_went_out_of_sight(monkeypatch):
+    asked = []
+
+    def spy(box_xyxy, *more):
+        asked.append(box_xyxy)
+        return places(box_xyxy, *more)
+
+    monkeypatch.setattr("re3.tracker.places", spy)
+    engine = Counter()
+    tracker = re3.Tracker(engine=engine)
+    tracker.init(noise(300, 400), BOX)
+    tracker.update(noise(300, 400))
+    engine.score = 0.7  # tracked, though .75 is usual
+    left, top, right, bottom = STILL
+    engine.corners = left, top, right, (top + bottom) / 2
+    half = tracker.update(noise(300, 400))
+    assert half.status is Status.TRACKED
+    assert half.box_xywh[3] < 0.6 * BOX[3]
+    engine.score, engine.corners = 0.1, STILL
+    tracker.update(noise(300, 400))
+    (searched,) = asked
+    np.testing.assert_allclose(searched[2:] - searched[:2], BOX[2:], atol=1e-3)
+    x, y, w, h = half.box_xywh
+    np.testing.assert_allclose(searched[:2] + searched[2:], (2 * x + w, 2 * y + h), atol=1e-3)
+
+
 def test_a_search_in_vain_leaves_the_track_as_it_was():
     results = []
     for search in (True, False):
@@ -333,6 +360,111 @@ def test_a_search_goes_on_from_a_saved_state():
     again.load_state(tracker.save_state())
     for frame in frames[4:]:
         assert again.update(frame) == tracker.update(frame)
+
+
+WITHOUT_PREVIOUS = replace(SPEC, previous=None)
+
+
+def panned(steps, size=(300, 400), seed=3):
+    """Frames of a camera that makes these steps, in pixels, over a ground without objects."""
+    coarse = noise(60, 80, seed)
+    world = cv2.resize(coarse, (960, 720), interpolation=cv2.INTER_CUBIC)
+    places_seen = np.cumsum([(200, 200), *steps], axis=0)
+    return [world[y : y + size[0], x : x + size[1]] for x, y in places_seen.tolist()]
+
+
+def looked_about(tracker, frames, box=BOX):
+    """Centres of the boxes found by an engine that always finds the middle of its crop."""
+    tracker.init(frames[0], box)
+    boxes = [tracker.update(frame).box_xywh for frame in frames[1:]]
+    return [(x + w / 2, y + h / 2) for x, y, w, h in boxes]
+
+
+def test_what_a_camera_moves_is_looked_for_where_it_moves_it():
+    frames = panned([(-12, 0), (-12, 0)])
+    (x, y), (x_then, _) = looked_about(re3.Tracker(engine=Counter(spec=WITHOUT_PREVIOUS)), frames)
+    # Half of its guesses are of a still camera, as long as none has been wrong.
+    assert (x - 52, y - 40) == pytest.approx((6, 0), abs=1)
+    assert x_then > x + 3
+
+
+@pytest.mark.parametrize(
+    ("spec", "options"),
+    [(WITHOUT_PREVIOUS, {"motion": False}), (SPEC, {}), (SPEC, {"motion": True})],
+    ids=["told not to", "shown a pair", "shown a pair, told to"],
+)
+def test_what_has_to_be_seen_where_it_was_is_looked_for_there(spec, options):
+    tracker = re3.Tracker(engine=Counter(spec=spec), **options)
+    for x, y in looked_about(tracker, panned([(-12, 0), (-12, 0)])):
+        assert (x, y) == pytest.approx((52, 40), abs=1e-3)
+
+
+def test_a_lost_object_does_not_go_with_the_camera():
+    frames = panned([(-12, 0)] * 3)
+    engine = Counter(spec=WITHOUT_PREVIOUS, score=0.1)
+    tracker = re3.Tracker(engine=engine, search=False)
+    first, *others = looked_about(tracker, frames)
+    assert first[0] > 56  # seen before
+    assert others == [pytest.approx(first, abs=1e-3)] * 2
+
+
+def test_a_cut_moves_nothing():
+    frames = [panned([])[0], panned([], seed=4)[0]]
+    ((x, y),) = looked_about(re3.Tracker(engine=Counter(spec=WITHOUT_PREVIOUS)), frames)
+    assert (x, y) == pytest.approx((52, 40), abs=1e-3)
+
+
+def test_an_object_of_its_own_motion_is_looked_for_further_on_until_it_is_lost():
+    engine = Counter(spec=WITHOUT_PREVIOUS, corners=(4.5, 2.5, 9.5, 7.5))
+    tracker = re3.Tracker(engine=engine, search=False)
+    frame = noise(300, 1200)
+    step, w = [], BOX[2]
+    found = [tracker.init(frame, BOX)]
+    for _ in range(6):
+        found.append(tracker.update(frame))
+        step.append(found[-1].box_xywh[0] - found[-2].box_xywh[0])
+    # Two fifths of a box right of the middle of each crop, and the crops go ahead as well.
+    assert step[0] == pytest.approx(0.4 * w, abs=0.5)
+    assert step[-1] > 0.55 * w
+    engine.corners, engine.score = STILL, 0.1
+    lost = tracker.update(frame)
+    assert lost.status is Status.LOST
+    gone = tracker.update(frame)
+    assert gone.box_xywh == pytest.approx(lost.box_xywh, abs=1e-3)
+
+
+def test_what_a_search_finds_has_not_moved_there():
+    engine = Elsewhere(blind=70)  # but for all of the object
+    engine.spec = replace(engine.spec, previous=None)
+    tracker = re3.Tracker(engine=engine)
+    here, there = noise(200, 400) // 6, noise(200, 400) // 6  # a ground that does not move
+    here[30:50, 40:64] = there[30:50, 76:100] = 255
+    tracker.init(here, BOX)
+    tracker.update(here)
+    found = tracker.update(there)
+    assert (found.status, found.box_xywh[0]) == (Status.TRACKED, pytest.approx(76, abs=2))
+    assert tracker.update(there).box_xywh == pytest.approx(found.box_xywh, abs=1e-3)
+
+
+def test_a_saved_state_knows_how_object_and_camera_move():
+    frames = panned([(-12, 0)] * 8)
+    engine = Counter(spec=WITHOUT_PREVIOUS)
+    tracker = re3.Tracker(engine=engine)
+    tracker.init(frames[0], BOX)
+    for frame in frames[1:5]:
+        tracker.update(frame)
+    other = re3.Tracker(engine=engine)
+    other.load_state(tracker.save_state())
+    assert [other.update(f) for f in frames[5:]] == [tracker.update(f) for f in frames[5:]]
+    assert tracker.update(frames[-1]).box_xywh[0] > BOX[0] + 30
+
+
+def test_a_tracker_started_anew_forgets_the_frame_before():
+    frames = panned([(-12, 0)])
+    tracker = re3.Tracker(engine=Counter(spec=WITHOUT_PREVIOUS))
+    tracker.init(frames[0], BOX)
+    tracker.init(frames[1], BOX)
+    assert tracker.update(frames[1]).box_xywh == pytest.approx(BOX, abs=1e-3)
 
 
 def test_objects_added_later_reset_on_their_own_clock():

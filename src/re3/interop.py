@@ -85,7 +85,7 @@ class TrackerRe3:
     is wrong, not `cv2.error`.
 
     Args:
-        model, engine, threads, search, mirror: as of `re3.Tracker`.
+        model, engine, threads, search, mirror, motion: as of `re3.Tracker`.
 
     Examples:
         >>> tracker = re3.TrackerRe3.create()  # was: cv2.TrackerCSRT.create()
@@ -101,8 +101,11 @@ class TrackerRe3:
         threads: int = 0,
         search: bool = True,
         mirror: bool | None = None,
+        motion: bool = True,
     ) -> None:
-        self._tracker = Tracker(model, engine, threads=threads, search=search, mirror=mirror)
+        self._tracker = Tracker(
+            model, engine, threads=threads, search=search, mirror=mirror, motion=motion
+        )
         self._score = 0.0
 
     @classmethod

@@ -33,6 +33,9 @@ RINGS = 5
 PATCH_SIDE = 32
 """Side of a kept patch in pixels."""
 
+PATCH_INTERVAL = 4
+"""Frames from one patch to the next: to cut one takes a thirtieth of an update."""
+
 COMPARED_SIDE = 16
 """Frames are scaled down until objects are of about so many pixels a side, to be compared."""
 
@@ -60,7 +63,8 @@ def places(
     round, and further with time.
 
     Args:
-        trusted_xyxy: `[4]`, the box last found for sure, in pixels.
+        trusted_xyxy: `[4]`, about where the object was last found, with the sides that it had when
+            its score was last the usual one, in pixels.
         searched_for: frames on end with a score low enough for a search, this one included.
         width, height: of the frame in pixels.
         count: how many.

@@ -56,8 +56,11 @@ class TimedMultiTracker(MultiTracker):
         threads: int = 0,
         search: bool = True,
         mirror: bool | None = None,
+        motion: bool = True,
     ) -> None:
-        super().__init__(model, engine, threads=threads, search=search, mirror=mirror)
+        super().__init__(
+            model, engine, threads=threads, search=search, mirror=mirror, motion=motion
+        )
         self._network = _TimedEngine(self._engine)
         self._engine = self._network
         self._crop_seconds = 0.0

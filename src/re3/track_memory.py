@@ -12,6 +12,7 @@ from re3.confidence import ScoreMemory
 from re3.engine import State
 from re3.geometry import Floats
 from re3.model_spec import ModelSpec
+from re3.motion import Motion
 from re3.result import Result, Status
 
 
@@ -28,11 +29,13 @@ class Track:
         steps: since the last reset.
         result: of the frame last seen.
         trusted_xyxy: `[4]`, the latest box that was neither uncertain nor lost.
-        first_patch, last_patch: the object in the first frame, and when it last had its usual
-            score, to find what looks like it; as `re3.search.cut_patch` gives them.
+        first_patch, last_patch: the object in the first frame, and in one of the last in which it
+            had its usual score, to find what looks like it; as `re3.search.cut_patch` gives them.
         searched_for: frames on end with a score low enough for a search.
         scores: what is remembered of them.
+        motion: what is remembered of how it moves.
         lost_at_xyxy: `[4]`, the box last trusted before the object was searched for.
+        sure_sides: `[2]`, width and height of the box that last had the usual score.
         doubted_frames: for which that place is looked at again.
     """
 
@@ -44,11 +47,13 @@ class Track:
     result: Result
     trusted_xyxy: Floats
     lost_at_xyxy: Floats
+    sure_sides: Floats
     first_patch: NDArray[np.uint8]
     last_patch: NDArray[np.uint8]
     searched_for: int = 0
     doubted_frames: int = 0
     scores: ScoreMemory = field(default_factory=ScoreMemory)
+    motion: Motion = field(default_factory=Motion)
 
     def save(self) -> dict[str, NDArray]:
         """All of it as plain arrays, copies, each under the object's id and a name."""
@@ -61,8 +66,11 @@ class Track:
             "last_patch": self.last_patch.copy(),
             "searched_for": np.array(self.searched_for),
             "lost_at_xyxy": self.lost_at_xyxy.copy(),
+            "sure_sides": self.sure_sides.copy(),
             "doubted_frames": np.array(self.doubted_frames),
             "scores": np.array(astuple(self.scores), np.float64),
+            "motion_errors": np.array(self.motion.errors, np.float64),
+            "motion_steps": np.array([self.motion.step, self.motion.own_step], np.float64),
             "result": np.array([*result.box_xywh, result.score, result.frame_index], np.float64),
             "status": np.array(result.status.value),
         }
@@ -100,6 +108,7 @@ class Track:
 
         x, y, w, h, score, index = floats("result").tolist()
         usual, recent, low_frames, lost = floats("scores").tolist()
+        step_x, step_y, own_x, own_y = floats("motion_steps").ravel().tolist()
         name = f"{object_id}/name"
         return cls(
             box_xyxy=floats("box_xyxy"),
@@ -112,8 +121,14 @@ class Track:
             last_patch=pixels("last_patch"),
             searched_for=whole("searched_for"),
             lost_at_xyxy=floats("lost_at_xyxy"),
+            sure_sides=floats("sure_sides"),
             doubted_frames=whole("doubted_frames"),
             scores=ScoreMemory(usual, recent, int(low_frames), bool(lost)),
+            motion=Motion(
+                errors=tuple(floats("motion_errors").tolist()),
+                step=(step_x, step_y),
+                own_step=(own_x, own_y),
+            ),
             result=Result(
                 box_xywh=(x, y, w, h),
                 score=score,

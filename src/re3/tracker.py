@@ -26,8 +26,9 @@ from re3.frames import as_bgr
 from re3.geometry import Floats
 from re3.model_spec import CropSpec
 from re3.models import DEFAULT_MODEL
+from re3.motion import STILL, Step, camera_motion, thumbnail
 from re3.result import Result, Status
-from re3.search import PLACES, alike, cut_patch, places
+from re3.search import PATCH_INTERVAL, PLACES, alike, cut_patch, places
 from re3.track_memory import Track
 
 Value = TypeVar("Value", bound=np.generic)
@@ -53,7 +54,8 @@ class _Sight(NamedTuple):
 class MultiTracker:
     """Tracks any number of objects through one video, in one batched network call per frame.
 
-    Objects of low score are looked for at more places (`re3.search`), in one more call.
+    Each is looked for where it is expected by its and the camera's motion (`re3.motion`), and if
+    its score is low at more places (`re3.search`), in one more call.
 
     Frames are uint8 `[H, W, 3]` in BGR order (grey `[H, W]` and BGRA work too); their size may
     change. Boxes are x, y, width, height in pixels, as floats; (0, 0) is the top-left corner of
@@ -70,6 +72,9 @@ class MultiTracker:
             more, at the place where it was last sure.
         mirror: look at every crop mirrored as well, which is more accurate and takes about twice
             as long; None as the model says: `re3-base` does, no other.
+        motion: look for an object where it is expected by its and the camera's motion, not about
+            its last box. Without effect on a model that is shown a pair of crops: those it has
+            learnt to compare are both of one place (Re3, sec. III-A).
 
     Raises:
         ValueError: unknown model or engine.
@@ -83,6 +88,7 @@ class MultiTracker:
         threads: int = 0,
         search: bool = True,
         mirror: bool | None = None,
+        motion: bool = True,
     ) -> None:
         self._search = search
         self._threads = threads or usable_threads()
@@ -91,6 +97,8 @@ class MultiTracker:
             self._engine = load_engine(model, engine, threads, mirror=mirror)
         else:
             self._engine = MirroredEngine(engine) if mirror else engine
+        self._motion = motion and self._engine.spec.previous is None
+        self._thumbnail: NDArray[np.uint8] | None = None  # of the frame last seen
         self._tracks: dict[int, Track] = {}
         self._next_id = 1
 
@@ -117,6 +125,8 @@ class MultiTracker:
         image = as_bgr(frame)
         height, width = image.shape[:2]
         box = geometry.validate_box(box_xywh, width, height)
+        if self._motion:
+            self._thumbnail = thumbnail(image)
         identity = self._next_id
         self._tracks[identity] = self._start(
             image,
@@ -152,12 +162,30 @@ class MultiTracker:
         if not self._tracks:
             return {}
         tracks = list(self._tracks.values())
-        seen = self._look(image, [_Look(t, t.box_xyxy, t.state) for t in tracks])
+        camera = self._camera_motion(image)
+        seen = self._look(image, [_Look(t, self._expected(t, camera), t.state) for t in tracks])
         if self._search:
             seen = self._search_for_unsure(image, tracks, seen)
         for track, sight in zip(tracks, seen, strict=True):
-            self._advance(track, image, sight)
+            self._advance(track, image, sight, camera)
         return self.results
+
+    def _camera_motion(self, image: NDArray[np.uint8]) -> Step:
+        """Since the frame last seen; none for a tracker that does not ask."""
+        if not self._motion:
+            return STILL
+        height, width = image.shape[:2]
+        before, self._thumbnail = self._thumbnail, thumbnail(image)
+        if before is None:
+            return STILL
+        return camera_motion(before, self._thumbnail, width, height)
+
+    def _expected(self, track: Track, camera: Step) -> Floats:
+        """The box `[4]` about which an object is looked for first."""
+        # A lost one is left to the search: a box that went on with a camera would leave the frame.
+        if not self._motion or track.result.status is Status.LOST:
+            return track.box_xyxy
+        return track.motion.ahead(track.box_xyxy, camera)
 
     def _look(self, image: NDArray[np.uint8], looks: list[_Look]) -> list[_Sight]:
         """What each look finds; all in one network call."""
@@ -210,8 +238,11 @@ class MultiTracker:
         height, width = image.shape[:2]
         frames = track.searched_for + 1
         patches = (track.first_patch, track.last_patch)
-        likely = alike(image, patches, track.trusted_xyxy, frames)
-        near = places(track.trusted_xyxy, frames, width, height, PLACES - len(likely))
+        # An object that leaves is trusted while ever less of it is in sight, and comes back whole.
+        middle = geometry.convert(track.trusted_xyxy, "xyxy", "cxcywh")[:2]
+        whole = geometry.convert(np.concatenate([middle, track.sure_sides]), "cxcywh", "xyxy")
+        likely = alike(image, patches, whole, frames)
+        near = places(whole, frames, width, height, PLACES - len(likely))
         return np.concatenate([near, likely])
 
     def save_state(self) -> dict[str, NDArray]:
@@ -221,6 +252,8 @@ class MultiTracker:
             "next_id": np.array(self._next_id),
             "ids": np.array(list(self._tracks), dtype=np.int64),
         }
+        if self._thumbnail is not None:
+            saved["thumbnail"] = self._thumbnail.copy()
         for track in self._tracks.values():
             saved |= track.save()
         return saved
@@ -241,11 +274,13 @@ class MultiTracker:
                 )
             tracks = {i: Track.restore(saved, i, spec) for i in map(int, saved["ids"])}
             next_id = int(saved["next_id"])
+            small = saved.get("thumbnail")
         except KeyError as error:
             raise ValueError(
                 f"the saved state lacks {error}; expected what save_state() returned"
             ) from error
         self._tracks, self._next_id = tracks, next_id
+        self._thumbnail = None if small is None else np.array(small, np.uint8)
 
     def _start(self, image: NDArray[np.uint8], box_xywh: Floats, result: Result) -> Track:
         """The first forward pass; the box it finds is discarded in favour of the one given."""
@@ -255,7 +290,8 @@ class MultiTracker:
         nothing = {name: values[0] for name, values in zero_state(spec, 1).items()}
         state = self._look_at_one_frame(image, box, previous, nothing)
         patch = cut_patch(image, box)
-        return Track(box, previous, state, state, 0, result, box, box, patch, patch)
+        sides = box[2:] - box[:2]
+        return Track(box, previous, state, state, 0, result, box, box, sides, patch, patch)
 
     def _look_at_one_frame(
         self,
@@ -274,7 +310,7 @@ class MultiTracker:
         )
         return {name: values[0] for name, values in output.state.items()}
 
-    def _advance(self, track: Track, image: NDArray[np.uint8], sight: _Sight) -> None:
+    def _advance(self, track: Track, image: NDArray[np.uint8], sight: _Sight, camera: Step) -> None:
         spec = self._engine.spec
         # An object taken back is seen with the memory of the first frame.
         track.steps = 1 if sight.by_search else track.steps + 1
@@ -287,6 +323,11 @@ class MultiTracker:
         box = sight.box_xyxy
         if status is not Status.TRACKED:
             box = geometry.sides_near(box, track.trusted_xyxy, SIDES_CHANGE)
+        # What was not in sight before, or was found by a search, has not moved but been found.
+        if Status.LOST in (status, track.result.status) or sight.by_search:
+            track.motion = track.motion.unseen()
+        elif status is Status.TRACKED:
+            track.motion = track.motion.after(track.box_xyxy, box, camera)
         track.box_xyxy = box
         searching = is_searched_for(sight.score, track.scores.usual)
         track.searched_for = track.searched_for + 1 if searching else 0
@@ -295,7 +336,9 @@ class MultiTracker:
         if status is Status.TRACKED:
             track.trusted_xyxy = box
         if sight.score >= track.scores.usual:
-            track.last_patch = cut_patch(image, box)
+            track.sure_sides = box[2:] - box[:2]
+            if track.result.frame_index % PATCH_INTERVAL == 0:
+                track.last_patch = cut_patch(image, box)
         if not track.doubted_frames:
             track.lost_at_xyxy = track.trusted_xyxy
         track.previous_crop = self._crop_previous(image, box)
@@ -364,8 +407,11 @@ class Tracker:
         threads: int = 0,
         search: bool = True,
         mirror: bool | None = None,
+        motion: bool = True,
     ) -> None:
-        self._multi = MultiTracker(model, engine, threads=threads, search=search, mirror=mirror)
+        self._multi = MultiTracker(
+            model, engine, threads=threads, search=search, mirror=mirror, motion=motion
+        )
 
     def init(self, frame: NDArray[np.uint8], box_xywh: ArrayLike) -> Result:
         """Start to track the object in the box, forgetting any earlier one.

@@ -20,7 +20,8 @@ from re3.timed_tracker import TimedMultiTracker, TimeSpent
 
 _WITH_OPTIONS = re.compile(r"(?P<model>.+?)(?P<options>(?:@[a-z0-9-]+)*)")
 EXPECTED_OPTIONS = (
-    "onnx-int8, onnx, openvino, torch, no-reset, reset-N, no-search, mirror, no-mirror, threads-N"
+    "onnx-int8, onnx, openvino, torch, no-reset, reset-N, no-search, no-motion, mirror, no-mirror, "
+    "threads-N"
 )
 
 
@@ -35,6 +36,7 @@ class OurOptions:
             never; None as the model says.
         search: look for a lost object in a wider area.
         mirror: look at every crop mirrored as well; None as the model says.
+        motion: look for an object where it is expected by its and the camera's motion.
     """
 
     engine: str = "auto"
@@ -42,6 +44,7 @@ class OurOptions:
     reset_interval: int | None = None
     search: bool = True
     mirror: bool | None = None
+    motion: bool = True
 
 
 def split_options(asked: str) -> tuple[str, OurOptions]:
@@ -62,6 +65,8 @@ def split_options(asked: str) -> tuple[str, OurOptions]:
             options = replace(options, reset_interval=0)
         elif word == "no-search":
             options = replace(options, search=False)
+        elif word == "no-motion":
+            options = replace(options, motion=False)
         elif word in ("mirror", "no-mirror"):
             options = replace(options, mirror=word == "mirror")
         elif name == "reset" and number.isdecimal() and int(number) > 0:
@@ -89,7 +94,9 @@ class OurTracker:
         if options.reset_interval is not None:
             engine = copy.copy(engine)
             engine.spec = replace(engine.spec, reset_interval=options.reset_interval)
-        self._tracker = TimedMultiTracker(model, engine, search=options.search)
+        self._tracker = TimedMultiTracker(
+            model, engine, search=options.search, motion=options.motion
+        )
 
     def init(self, frame: NDArray[np.uint8], box_xywh: ArrayLike) -> None:
         """Start at a box, forgetting any earlier one, as `re3.Tracker.init` does."""
