@@ -37,8 +37,8 @@ ERROR_RATE, STEP_RATE = 0.2, 0.5
 """Share of the newest frame in the mean error of a guess, and in the mean step of an object."""
 
 ERROR_FLOOR = 0.01
-"""Boxes by which every guess is taken to be wrong at the least: so an object at rest is not looked
-for where a guess has been right by chance."""
+"""Boxes by which every guess is taken to be wrong besides: without, one that happened to be right
+would count alone."""
 
 LEAST_SHIFT = 0.2
 """Boxes: a crop less far off is cut about the last box. It would show the network the same, and
@@ -99,7 +99,8 @@ class Motion:
     picture; the camera's and its own mean step beside that.
 
     Attributes:
-        errors: of each guess a mean of the last errors, in boxes.
+        errors: of each guess a mean of the last errors, in boxes; of an error along x and along y,
+            the larger one counts.
         step: x and y of a mean of its last steps in the picture, in pixels a frame.
         own_step: the same with the camera's taken off.
     """
