@@ -177,7 +177,7 @@ def test_figures_over_repetitions():
 def test_every_protocol_has_figures_of_nothing(name):
     protocol = find_protocol(name)
     assert protocol.name == name
-    assert protocol.one_pass == (name in ("ope", "imagenet-vid", "hidden"))
+    assert protocol.one_pass == (name in ("ope", "imagenet-vid", "hidden", "framed"))
     figures = protocol.summarise([])
     assert list(figures) == [measure.name for measure in protocol.measures]
     shown = [*protocol.by_sequence, *(axis.measure for axis in protocol.trade_off or ())]
@@ -221,3 +221,20 @@ def test_the_hidden_protocol_runs_on_sequences_of_its_own():
     assert protocol.prepare is not None
     made = protocol.prepare([Sequence("s", Path("s"), np.array([BOX] * 40), dataset="d")])
     assert [s.dataset for s in made] == ["d-hidden-5", "d-hidden-10"]
+
+
+def test_the_framed_protocol_runs_from_parts_of_the_object_and_from_more():
+    protocol = find_protocol("framed")
+    assert protocol.prepare is not None
+    boxes = np.array([[10.0, 20.0, 40.0, 20.0], [np.nan] * 4])
+    made = protocol.prepare([Sequence("s", Path("s"), boxes, dataset="d")])
+    first = {s.dataset: s.boxes_xywh[0].tolist() for s in made}
+    assert first == {
+        "d-framed-inner": pytest.approx([16, 23, 28, 14]),
+        "d-framed-outer": pytest.approx([4, 17, 52, 26]),
+        "d-framed-upper": pytest.approx([10, 20, 40, 10]),
+        "d-framed-left": pytest.approx([10, 20, 24, 20]),
+        "d-framed-wide": pytest.approx([2, 22, 56, 16]),
+        "d-framed-tall": pytest.approx([16, 18, 28, 24]),
+    }
+    assert all(np.isnan(s.boxes_xywh[1]).all() for s in made)

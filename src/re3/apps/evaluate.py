@@ -86,6 +86,7 @@ def evaluate(
             help="How trackers are run and judged: ope, one pass, means over sequences; "
             "imagenet-vid, one pass, all boxes together (Re3, sec. IV-B); ablation, started again "
             "after a drop (Re3, Table I); hidden, one pass with the object hidden for a while; "
+            "framed, one pass from boxes about a part of the object or more than it; "
             "vot, supervised (accuracy, robustness, EAO).",
             metavar="|".join(PROTOCOLS),
         ),

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from re3.data.augment import AugmentedClip, PhotometricConfig
-from re3.data.checks import check_colour, check_probabilities, check_ranges
-from re3.data.clip import Clip, Kind, MirroredClip, Origin, RecordedClip
+from re3.data.checks import check_at_least_zero, check_colour, check_probabilities, check_ranges
+from re3.data.clip import Clip, FramedClip, Kind, MirroredClip, Origin, RecordedClip
 from re3.data.frame_store import FrameStore
+from re3.data.framing import LEAST_INSIDE, Framing
 from re3.data.scene import Scene
 from re3.data.sequence import Sequence
 from re3.data.simulation_config import SimulationConfig
@@ -40,6 +41,9 @@ class SamplingConfig:
         leap_frames, leap_simulated: range, log-uniform, of that time in frames, of recorded and
             of simulated clips.
         strides: steps between the frames of a recorded clip; one is drawn per clip.
+        framed: probability of a clip whose boxes hold a part of the object, or more than it
+            (`re3.data.framing`). Where it leaves the frame, the boxes stay as they are.
+        framing: standard deviation of the log sides of such boxes, in those of the object's.
         smallest: tracks whose box has a median side below this many pixels are left out.
         fill: BGR colour outside the frame.
     """
@@ -51,13 +55,16 @@ class SamplingConfig:
     leap_frames: tuple[int, int] = (5, 250)
     leap_simulated: tuple[int, int] = (5, 60)
     strides: tuple[int, ...] = (1, 1, 1, 1, 2, 2, 3, 4, 6)
+    framed: float = 0.0
+    framing: float = 0.35
     smallest: float = 5.0
     fill: tuple[float, float, float] = (127.0, 127.0, 127.0)
     simulation: SimulationConfig = SimulationConfig()
     photometric: PhotometricConfig = PhotometricConfig()
 
     def __post_init__(self) -> None:
-        check_probabilities(self, ("simulated", "leaps", "mirrored", "reversed"))
+        check_probabilities(self, ("simulated", "leaps", "mirrored", "reversed", "framed"))
+        check_at_least_zero(self, ("framing",))
         check_ranges(self, ("leap_frames", "leap_simulated"))
         if not self.strides or min(self.strides) < 1:
             raise ValueError(
@@ -201,6 +208,8 @@ class ClipSampler:
         else:
             tracks = self._tracks[_pick(self._tracks, rng)]
             clip, origin = self._seen(tracks, frames, leaps, rng)
+        if config.framed and rng.random() < config.framed:
+            clip = _framed(clip, Framing.draw(config.framing, rng))
         if rng.random() < config.mirrored:
             clip, origin = MirroredClip(clip), replace(origin, mirrored=True)
         return AugmentedClip(clip, rng, config.photometric, origin)
@@ -309,6 +318,16 @@ def _normalised(sources: Several[Source] | Several[_Tracks]) -> Floats:
 def _pick(sources: Several[Source] | Several[_Tracks], rng: np.random.Generator) -> int:
     # A single source draws no number: clips of such a sampler stay what they were.
     return int(rng.choice(len(sources), p=_normalised(sources))) if len(sources) > 1 else 0
+
+
+def _framed(clip: Clip, framing: Framing) -> Clip:
+    """The clip so framed; as it is where the object, or too much of a box, is not in the frame."""
+    asked = framing.of(clip.boxes_xyxy)
+    framed = FramedClip(clip, asked)
+    inside = framed.boxes_xyxy[:, 2:] - framed.boxes_xyxy[:, :2]
+    # Written so that boxes of NaN, where it is absent, do not pass either.
+    fits = bool((inside >= LEAST_INSIDE * (asked[:, 2:] - asked[:, :2])).all())
+    return framed if fits else clip
 
 
 def _begun_with_the_object(

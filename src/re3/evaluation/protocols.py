@@ -9,6 +9,7 @@ import math
 from dataclasses import asdict
 from functools import lru_cache, partial
 
+from re3.data.framing import FRAMINGS, frame_otherwise
 from re3.data.hiding import AFTER, DURATIONS, LEAD, hide
 from re3.data.sequence import Sequence
 from re3.evaluation.ablation import ABLATION, SENSITIVITY, ablation
@@ -27,7 +28,7 @@ def find_protocol(name: str, stack: str = DEFAULT_STACK) -> Protocol:
     """A protocol by name.
 
     Args:
-        name: `ope`, `imagenet-vid`, `ablation`, `hidden` or `vot`.
+        name: `ope`, `imagenet-vid`, `ablation`, `hidden`, `framed` or `vot`.
         stack: of the VOT protocol, the challenge whose lengths its EAO averages over.
 
     Raises:
@@ -130,6 +131,15 @@ def _vot(stack: str) -> Protocol:
     )
 
 
+_OPE_MEASURES = (
+    Measure("auc", "AUC"),
+    Measure("precision", "P@20"),
+    Measure("normalised_precision", "NP"),
+    Measure("ao", "AO"),
+    Measure("sr50", "SR.50"),
+    Measure("sr75", "SR.75"),
+)
+
 _PROTOCOLS = {
     protocol.name: protocol
     for protocol in (
@@ -145,14 +155,7 @@ _PROTOCOLS = {
             ),
             supervised=None,
             summarise=_ope_figures,
-            measures=(
-                Measure("auc", "AUC"),
-                Measure("precision", "P@20"),
-                Measure("normalised_precision", "NP"),
-                Measure("ao", "AO"),
-                Measure("sr50", "SR.50"),
-                Measure("sr75", "SR.75"),
-            ),
+            measures=_OPE_MEASURES,
             by_sequence=("auc", "precision"),
         ),
         Protocol(
@@ -220,6 +223,20 @@ _PROTOCOLS = {
             ),
             by_sequence=("overlap_after", "alive"),
             prepare=hide,
+        ),
+        Protocol(
+            name="framed",
+            title="Boxes of other framings",
+            conventions=(
+                "One pass from boxes that hold a part of the object, or more than it "
+                f"({', '.join(FRAMINGS)}), compared with the true boxes framed alike. Figures as "
+                "of ope."
+            ),
+            supervised=None,
+            summarise=_ope_figures,
+            measures=_OPE_MEASURES,
+            by_sequence=("auc",),
+            prepare=frame_otherwise,
         ),
     )
 }
