@@ -20,10 +20,6 @@ from re3.geometry import Floats, convert
 LEAST_LOG_SCALE, MOST_LOG_SCALE = -0.8, 0.5
 """Range of the log scales that are drawn: from .45 to 1.65 of a side."""
 
-LEAST_INSIDE = 0.3
-"""A clip keeps its boxes where, by another framing, less than this share of a side would be in the
-frame."""
-
 
 @dataclass(frozen=True)
 class Framing:
@@ -38,7 +34,7 @@ class Framing:
     scale: tuple[float, float]
 
     def of(self, boxes_xyxy: ArrayLike) -> Floats:
-        """The boxes `[..., 4]` so framed; NaN where the others are."""
+        """The boxes `[..., 4]` so framed, in the units of those given; NaN where those are."""
         boxes = convert(boxes_xyxy, "xyxy", "cxcywh")
         sides = boxes[..., 2:]
         framed = np.concatenate([boxes[..., :2] + sides * self.shift, sides * self.scale], axis=-1)
@@ -49,7 +45,7 @@ class Framing:
         """One by chance: on each axis the box lies within the other, or the other within it.
 
         Args:
-            spread: standard deviation of the log of its sides.
+            spread: standard deviation of the log of its sides, 0 or more.
             rng: source of size and place.
         """
         scale = np.exp(np.clip(rng.normal(0.0, spread, 2), LEAST_LOG_SCALE, MOST_LOG_SCALE))
@@ -65,7 +61,7 @@ FRAMINGS = {
     "wide": Framing((0.0, 0.0), (1.4, 0.8)),
     "tall": Framing((0.0, 0.0), (0.7, 1.2)),
 }
-"""The framings that trackers are tried with."""
+"""Name -> the framings that trackers are tried with (protocol `framed`)."""
 
 
 def frame_otherwise(sequences: Iterable[Sequence]) -> list[Sequence]:

@@ -13,7 +13,7 @@ from re3.data.augment import AugmentedClip, PhotometricConfig
 from re3.data.checks import check_at_least_zero, check_colour, check_probabilities, check_ranges
 from re3.data.clip import Clip, FramedClip, Kind, MirroredClip, Origin, RecordedClip
 from re3.data.frame_store import FrameStore
-from re3.data.framing import LEAST_INSIDE, Framing
+from re3.data.framing import Framing
 from re3.data.scene import Scene
 from re3.data.sequence import Sequence
 from re3.data.simulation_config import SimulationConfig
@@ -23,6 +23,10 @@ from re3.geometry import Floats, convert
 
 MOST_SCENES = 100
 """Scenes drawn before it is given up that the object is there in the first frame."""
+
+LEAST_SIDE_IN_FRAME = 0.3
+"""A clip keeps its boxes where, framed otherwise, less than this share of a side would be in the
+frame."""
 
 TRIES = 20
 """Draws of a clip that leaps, before one that does not is taken instead."""
@@ -326,7 +330,7 @@ def _framed(clip: Clip, framing: Framing) -> Clip:
     framed = FramedClip(clip, asked)
     inside = framed.boxes_xyxy[:, 2:] - framed.boxes_xyxy[:, :2]
     # Written so that boxes of NaN, where it is absent, do not pass either.
-    fits = bool((inside >= LEAST_INSIDE * (asked[:, 2:] - asked[:, :2])).all())
+    fits = bool((inside >= LEAST_SIDE_IN_FRAME * (asked[:, 2:] - asked[:, :2])).all())
     return framed if fits else clip
 
 
