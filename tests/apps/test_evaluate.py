@@ -222,12 +222,13 @@ def test_occluded_frames_are_compared(data, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (["--protocol", "otb"], "no protocol 'otb'; expected one of ope, imagenet-vid"),
+        (["--protocol", "otb"], "no protocol 'otb'; expected one of ope, tre, sre, imagenet-vid"),
         (["--protocol", "vot", "--vot-stack", "vot1999"], "no VOT challenge 'vot1999'"),
         (["--protocol", "vot", "--occluded"], "--occluded compares frames of one pass"),
         (["--format", "cd"], "no format is called 'cd'"),
         (["--timeout", "0"], "timeout is 0.0 seconds a frame"),
         (["-t", "published:{data}", "-p", "vot"], "published boxes of one pass"),
+        (["-t", "published:{data}", "-p", "sre"], "published boxes of the clips as they are"),
         (["-t", "opencv:kfc"], "no tracker is called 'opencv:kfc'"),
     ],
 )
@@ -257,3 +258,26 @@ def test_workers_of_a_module_run_do_not_run_the_command_again(data, tmp_path):
     assert done.stdout.count("made: 1 sequence, ope") == 1
     assert "Traceback" not in done.stderr
     assert len(json.loads(file.read_text())["sequences"]) == 1
+
+
+def test_starts_beside_the_truth_and_later_ones_make_a_row_a_clip(data, tmp_path):
+    arguments = ("-t", STAYS, "--out", tmp_path / "out", "-s", "still")
+    result = invoke(data, *arguments, "--protocol", "sre")
+    assert result.exit_code == 0, result.output
+    again = invoke(data, *arguments, "--protocol", "sre", "--resume")
+    assert "all 12 results were taken from an earlier run" in " ".join(again.output.split())
+    with (tmp_path / "out" / "results.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    # It stays where it was put: beside the truth of 8 x 8 by .8 in one direction, or in both.
+    moved, both = 7.2 * 8 / (128 - 57.6), 7.2**2 / (128 - 7.2**2)
+    scaled = [0.8**2, 0.9**2, 1 / 1.1**2, 1 / 1.2**2]
+    expected = sorted([moved] * 4 + [both] * 4 + scaled)
+    assert sorted(float(row["ao"]) for row in rows) == pytest.approx(expected)
+    (table,) = [
+        t
+        for t in (tmp_path / "out" / "report.md").read_text().split("###")
+        if "AUC by sequence" in t
+    ]
+    assert "| still | 8 |" in table and "shifted" not in table
+    later = invoke(data, *arguments, "--protocol", "tre")
+    assert later.exit_code == 0 and "made-tre: 1 sequence" in later.output

@@ -84,6 +84,7 @@ def evaluate(
             "--protocol",
             "-p",
             help="How trackers are run and judged: ope, one pass, means over sequences; "
+            "tre, the same from 20 frames of each clip; sre, from 12 boxes beside the truth; "
             "imagenet-vid, one pass, all boxes together (Re3, sec. IV-B); ablation, started again "
             "after a drop (Re3, Table I); hidden, one pass with the object hidden for a while; "
             "framed, one pass from boxes about a part of the object or more than it; "
@@ -190,6 +191,12 @@ def evaluate(
         if chosen_protocol.prepare is not None:
             chosen = chosen_protocol.prepare(chosen)
         trackers = [find_tracker(name, peers) for name in _asked(tracker or [], model)]
+        published = [info.name for info in trackers if info.published is not None]
+        if published and chosen_protocol.prepare is not None:
+            raise ValueError(
+                f"{published[0]} is published boxes of the clips as they are, which --protocol "
+                f"{protocol} changes; leave it out, or take the protocol ope or imagenet-vid"
+            )
         if occluded and all(sequence.occluded is None for sequence in chosen):
             raise ValueError(
                 "--occluded needs data that says which frames are occluded, and none of the "

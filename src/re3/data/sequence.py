@@ -120,6 +120,11 @@ class Sequence:
         """`[T]`, True where the object has a box."""
         return ~np.isnan(self.boxes_xywh[:, 0])
 
+    @property
+    def start_xywh(self) -> NDArray[np.float64]:
+        """`[4]`, the box that a tracker is given: the truth in the first annotated frame."""
+        return self.boxes_xywh[int(np.argmax(self.annotated))]
+
     def problems(self, frame_size: tuple[int, int] | None = None) -> list[str]:
         """What looks wrong with the boxes, in short sentences for a person to check.
 

@@ -134,7 +134,7 @@ def run_one_pass(
             started = time.perf_counter()
             try:
                 if index == first:
-                    box, score, step = sequence.boxes_xywh[first], 1.0, Step.STARTED
+                    box, score, step = sequence.start_xywh, 1.0, Step.STARTED
                     start(tracker, frame, box)
                 else:
                     box, score = follow(tracker, frame)

@@ -62,6 +62,8 @@ class Protocol:
             without, the figures are the mean of those of each repetition.
         trade_off: its accuracy and its robustness, as axes of a plot; None without such figures.
         prepare: makes the sequences to run from those given; None where it is those.
+        many_starts: `prepare` makes several sequences of a clip, which have its name, a slash and
+            the start as theirs; a table by sequence has the clips, with the figures of all starts.
     """
 
     name: str
@@ -75,11 +77,16 @@ class Protocol:
     pools_repeats: bool = False
     trade_off: tuple[Axis, Axis] | None = None
     prepare: Callable[[list[Sequence]], list[Sequence]] | None = None
+    many_starts: bool = False
 
     @property
     def one_pass(self) -> bool:
         """Each track is started once."""
         return self.supervised is None
+
+    def row_of(self, sequence: Sequence) -> str:
+        """The name under which a table by sequence has the figures of one."""
+        return sequence.name.rpartition("/")[0] if self.many_starts else sequence.name
 
     def measure(self, name: str) -> Measure:
         """The measure of that name; KeyError without."""

@@ -12,6 +12,7 @@ from functools import lru_cache, partial
 from re3.data.framing import FRAMINGS, frame_otherwise
 from re3.data.hiding import AFTER, DURATIONS, LEAD, hide
 from re3.data.sequence import Sequence
+from re3.data.starts import LEAST_FRAMES, SHIFTED_STARTS, STARTS, start_later, start_shifted
 from re3.evaluation.ablation import ABLATION, SENSITIVITY, ablation
 from re3.evaluation.imagenet_vid import pooled_success
 from re3.evaluation.metrics import Scores
@@ -28,7 +29,7 @@ def find_protocol(name: str, stack: str = DEFAULT_STACK) -> Protocol:
     """A protocol by name.
 
     Args:
-        name: `ope`, `imagenet-vid`, `ablation`, `hidden`, `framed` or `vot`.
+        name: `ope`, `tre`, `sre`, `imagenet-vid`, `ablation`, `hidden`, `framed` or `vot`.
         stack: of the VOT protocol, the challenge whose lengths its EAO averages over.
 
     Raises:
@@ -157,6 +158,35 @@ _PROTOCOLS = {
             summarise=_ope_figures,
             measures=_OPE_MEASURES,
             by_sequence=("auc", "precision"),
+        ),
+        Protocol(
+            name="tre",
+            title="Temporal robustness",
+            conventions=(
+                f"One pass from each of up to {STARTS} frames of a clip to its end, {LEAST_FRAMES} "
+                "frames or more, started with the truth. Figures as of ope, means over all starts."
+            ),
+            supervised=None,
+            summarise=_ope_figures,
+            measures=_OPE_MEASURES,
+            by_sequence=("auc", "precision"),
+            prepare=start_later,
+            many_starts=True,
+        ),
+        Protocol(
+            name="sre",
+            title="Spatial robustness",
+            conventions=(
+                f"One pass from each of {len(SHIFTED_STARTS)} boxes beside the truth: moved by a "
+                "tenth of its sides, or of .8, .9, 1.1 and 1.2 times its sides. Compared with the "
+                "truth as it is. Figures as of ope, means over all starts."
+            ),
+            supervised=None,
+            summarise=_ope_figures,
+            measures=_OPE_MEASURES,
+            by_sequence=("auc", "precision"),
+            prepare=start_shifted,
+            many_starts=True,
         ),
         Protocol(
             name="imagenet-vid",

@@ -107,10 +107,10 @@ def load_track(path: Path, sequence: Sequence) -> Track | None:
     log = FrameLog(len(sequence))
     _load_times(path, sequence, len(boxes), log)
     first = int(np.argmax(sequence.annotated))
-    if not np.array_equal(boxes[first], sequence.boxes_xywh[first], equal_nan=True):
+    if not np.array_equal(boxes[first], sequence.start_xywh, equal_nan=True):
         raise ValueError(
             f"{path} starts at box {boxes[first].tolist()}, but sequence {sequence.name!r} at "
-            f"{sequence.boxes_xywh[first].tolist()}; delete it or run without --resume"
+            f"{sequence.start_xywh.tolist()}; delete it or run without --resume"
         )
     if np.isnan(boxes[first:]).any():
         return None

@@ -44,8 +44,8 @@ class SequenceRow:
     """All trackers on one sequence.
 
     Attributes:
-        dataset, sequence: their names.
-        frames: length of the sequence.
+        dataset, sequence: their names; of a protocol with many starts that of the clip.
+        frames: length of the sequence, of the longest where there are many.
         figures: tracker -> figures of the protocol, of repetitions their mean; NaN where there is
             nothing to score.
         failed: trackers that stopped before the end.
@@ -119,13 +119,14 @@ class Run:
         """A row for each sequence, in order of appearance."""
         groups: dict[tuple[str, str], dict[str, list[SequenceResult]]] = {}
         for result in self.results:
-            trackers = groups.setdefault((result.sequence.dataset, result.sequence.name), {})
+            row = (result.sequence.dataset, self.protocol.row_of(result.sequence))
+            trackers = groups.setdefault(row, {})
             trackers.setdefault(result.tracker, []).append(result)
         return [
             SequenceRow(
                 dataset=dataset,
                 sequence=name,
-                frames=len(next(iter(trackers.values()))[0].sequence),
+                frames=max(len(result.sequence) for group in trackers.values() for result in group),
                 figures={tracker: self.figures_of(group) for tracker, group in trackers.items()},
                 failed=frozenset(
                     tracker
