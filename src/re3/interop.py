@@ -85,7 +85,7 @@ class TrackerRe3:
     is wrong, not `cv2.error`.
 
     Args:
-        model, engine, threads, search, mirror, motion: as of `re3.Tracker`.
+        model, engine, threads, search, mirror, motion, framing: as of `re3.Tracker`.
 
     Examples:
         >>> tracker = re3.TrackerRe3.create()  # was: cv2.TrackerCSRT.create()
@@ -102,9 +102,16 @@ class TrackerRe3:
         search: bool = True,
         mirror: bool | None = None,
         motion: bool = True,
+        framing: bool | None = None,
     ) -> None:
         self._tracker = Tracker(
-            model, engine, threads=threads, search=search, mirror=mirror, motion=motion
+            model,
+            engine,
+            threads=threads,
+            search=search,
+            mirror=mirror,
+            motion=motion,
+            framing=framing,
         )
         self._score = 0.0
 

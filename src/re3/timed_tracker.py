@@ -57,9 +57,16 @@ class TimedMultiTracker(MultiTracker):
         search: bool = True,
         mirror: bool | None = None,
         motion: bool = True,
+        framing: bool | None = None,
     ) -> None:
         super().__init__(
-            model, engine, threads=threads, search=search, mirror=mirror, motion=motion
+            model,
+            engine,
+            threads=threads,
+            search=search,
+            mirror=mirror,
+            motion=motion,
+            framing=framing,
         )
         self._network = _TimedEngine(self._engine)
         self._engine = self._network

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from re3.confidence import ScoreMemory
 from re3.engine import State
+from re3.framing_bias import NO_BIAS
 from re3.geometry import Floats
 from re3.model_spec import ModelSpec
 from re3.motion import Motion
@@ -31,6 +32,8 @@ class Track:
         trusted_xyxy: `[4]`, the latest box that was neither uncertain nor lost.
         first_patch, last_patch: the object in the first frame, and in one of the last in which it
             had its usual score, to find what looks like it; as `re3.search.cut_patch` gives them.
+        framing_bias: `[4]`, by how much the network would frame the object differently than the box
+            that it was started with, as `re3.framing_bias` gives it.
         searched_for: frames on end with a score low enough for a search.
         scores: what is remembered of them.
         motion: what is remembered of how it moves.
@@ -50,6 +53,7 @@ class Track:
     sure_sides: Floats
     first_patch: NDArray[np.uint8]
     last_patch: NDArray[np.uint8]
+    framing_bias: Floats = field(default_factory=lambda: NO_BIAS)
     searched_for: int = 0
     doubted_frames: int = 0
     scores: ScoreMemory = field(default_factory=ScoreMemory)
@@ -64,6 +68,7 @@ class Track:
             "trusted_xyxy": self.trusted_xyxy.copy(),
             "first_patch": self.first_patch.copy(),
             "last_patch": self.last_patch.copy(),
+            "framing_bias": self.framing_bias.copy(),
             "searched_for": np.array(self.searched_for),
             "lost_at_xyxy": self.lost_at_xyxy.copy(),
             "sure_sides": self.sure_sides.copy(),
@@ -119,6 +124,7 @@ class Track:
             trusted_xyxy=floats("trusted_xyxy"),
             first_patch=pixels("first_patch"),
             last_patch=pixels("last_patch"),
+            framing_bias=floats("framing_bias"),
             searched_for=whole("searched_for"),
             lost_at_xyxy=floats("lost_at_xyxy"),
             sure_sides=floats("sure_sides"),

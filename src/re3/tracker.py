@@ -23,6 +23,7 @@ from re3.engine import Engine, State, load_engine, zero_state
 from re3.engine.mirrored import MirroredEngine
 from re3.engine.threads import usable_threads
 from re3.frames import as_bgr
+from re3.framing_bias import framing_bias, tried_boxes, without_bias
 from re3.geometry import Floats
 from re3.model_spec import CropSpec
 from re3.models import DEFAULT_MODEL
@@ -75,6 +76,9 @@ class MultiTracker:
         motion: look for an object where it is expected by its and the camera's motion, not about
             its last box. Without effect on a model that is shown a pair of crops: those it has
             learnt to compare are both of one place (Re3, sec. III-A).
+        framing: keep to the box that was drawn, also where the network would draw it differently
+            (`re3.framing_bias`); None does so unless each crop is looked at mirrored as well, as by
+            `re3-base`. Without effect on a model that is shown a pair of crops.
 
     Raises:
         ValueError: unknown model or engine.
@@ -89,6 +93,7 @@ class MultiTracker:
         search: bool = True,
         mirror: bool | None = None,
         motion: bool = True,
+        framing: bool | None = None,
     ) -> None:
         self._search = search
         self._threads = threads or usable_threads()
@@ -98,6 +103,10 @@ class MultiTracker:
         else:
             self._engine = MirroredEngine(engine) if mirror else engine
         self._motion = motion and self._engine.spec.previous is None
+        if framing is None:
+            # Two looks gain as much in overlap, but lose in what their score says.
+            framing = not isinstance(self._engine, MirroredEngine)
+        self._framing = framing and self._engine.spec.previous is None
         self._thumbnail: NDArray[np.uint8] | None = None  # of the frame last seen
         self._tracks: dict[int, Track] = {}
         self._next_id = 1
@@ -199,6 +208,7 @@ class MultiTracker:
         )
         height, width = image.shape[:2]
         found = geometry.decode(output.corners, regions)
+        found = without_bias(found, np.stack([look.track.framing_bias for look in looks]))
         # A network gone astray must not poison the crops to come: keep the box it had.
         found = np.where(np.isfinite(found).all(axis=1, keepdims=True), found, boxes)
         found = geometry.clip_inside(found, width, height)
@@ -291,7 +301,11 @@ class MultiTracker:
         state = self._look_at_one_frame(image, box, previous, nothing)
         patch = cut_patch(image, box)
         sides = box[2:] - box[:2]
-        return Track(box, previous, state, state, 0, result, box, box, sides, patch, patch)
+        track = Track(box, previous, state, state, 0, result, box, box, sides, patch, patch)
+        if self._framing:
+            seen = self._look(image, [_Look(track, tried, state) for tried in tried_boxes(box)])
+            track.framing_bias = framing_bias(np.stack([sight.box_xyxy for sight in seen]), box)
+        return track
 
     def _look_at_one_frame(
         self,
@@ -408,9 +422,16 @@ class Tracker:
         search: bool = True,
         mirror: bool | None = None,
         motion: bool = True,
+        framing: bool | None = None,
     ) -> None:
         self._multi = MultiTracker(
-            model, engine, threads=threads, search=search, mirror=mirror, motion=motion
+            model,
+            engine,
+            threads=threads,
+            search=search,
+            mirror=mirror,
+            motion=motion,
+            framing=framing,
         )
 
     def init(self, frame: NDArray[np.uint8], box_xywh: ArrayLike) -> Result:

@@ -117,6 +117,8 @@ def test_a_command_becomes_a_name_that_can_be_a_folder(monkeypatch, sequence_of)
         ("re3-lite@onnx@no-reset", "re3-lite", OurOptions(engine="onnx", reset_interval=0)),
         ("re3-lite@no-search", "re3-lite", OurOptions(search=False)),
         ("re3-lite@no-motion", "re3-lite", OurOptions(motion=False)),
+        ("re3-lite@no-framing", "re3-lite", OurOptions(framing=False)),
+        ("re3-base@framing", "re3-base", OurOptions(framing=True)),
     ],
 )
 def test_options_of_our_models(asked, model, options):

@@ -20,8 +20,8 @@ from re3.timed_tracker import TimedMultiTracker, TimeSpent
 
 _WITH_OPTIONS = re.compile(r"(?P<model>.+?)(?P<options>(?:@[a-z0-9-]+)*)")
 EXPECTED_OPTIONS = (
-    "onnx-int8, onnx, openvino, torch, no-reset, reset-N, no-search, no-motion, mirror, no-mirror, "
-    "threads-N"
+    "onnx-int8, onnx, openvino, torch, no-reset, reset-N, no-search, no-motion, framing, "
+    "no-framing, mirror, no-mirror, threads-N"
 )
 
 
@@ -37,6 +37,8 @@ class OurOptions:
         search: look for a lost object in a wider area.
         mirror: look at every crop mirrored as well; None as the model says.
         motion: look for an object where it is expected by its and the camera's motion.
+        framing: keep to the box that was drawn where the network would draw it differently; None
+            as `re3.Tracker` does.
     """
 
     engine: str = "auto"
@@ -45,6 +47,7 @@ class OurOptions:
     search: bool = True
     mirror: bool | None = None
     motion: bool = True
+    framing: bool | None = None
 
 
 def split_options(asked: str) -> tuple[str, OurOptions]:
@@ -67,6 +70,8 @@ def split_options(asked: str) -> tuple[str, OurOptions]:
             options = replace(options, search=False)
         elif word == "no-motion":
             options = replace(options, motion=False)
+        elif word in ("framing", "no-framing"):
+            options = replace(options, framing=word == "framing")
         elif word in ("mirror", "no-mirror"):
             options = replace(options, mirror=word == "mirror")
         elif name == "reset" and number.isdecimal() and int(number) > 0:
@@ -95,7 +100,11 @@ class OurTracker:
             engine = copy.copy(engine)
             engine.spec = replace(engine.spec, reset_interval=options.reset_interval)
         self._tracker = TimedMultiTracker(
-            model, engine, search=options.search, motion=options.motion
+            model,
+            engine,
+            search=options.search,
+            motion=options.motion,
+            framing=options.framing,
         )
 
     def init(self, frame: NDArray[np.uint8], box_xywh: ArrayLike) -> None:
