@@ -182,7 +182,7 @@ def python_boxes(model):
 @pytest.mark.slow
 def test_the_python_example_tracks_as_re3_does(exported):
     found = python_boxes(exported)
-    tracker = re3.Tracker(str(exported), search=False)
+    tracker = re3.Tracker(str(exported), search=False, framing=False)
     video, results = cv2.VideoCapture(str(CLIP)), []
     while (read := video.read())[0]:
         follow = tracker.update if results else lambda frame: tracker.init(frame, BOX)
