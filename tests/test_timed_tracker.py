@@ -71,9 +71,9 @@ def test_the_clock_changes_no_box(previous):
 @pytest.mark.parametrize(
     ("previous", "objects", "start", "update"),
     [
-        (None, 1, (1, 4), (1, 4)),  # one crop a frame
+        (None, 1, (5, 8), (1, 4)),  # one crop a frame; the start has four looks more
         (VIEW, 1, (2, 4), (2, 4)),  # that of the frame before is cut as well
-        (None, 3, (1, 4), (3, 4)),  # a crop each, one step for all
+        (None, 3, (5, 8), (3, 4)),  # a crop each, one step for all
     ],
 )
 def test_each_call_tells_of_its_own_time(clock, previous, objects, start, update):
