@@ -67,7 +67,12 @@ def framing_bias(found_xyxy: Floats, given_xyxy: Floats) -> Floats:
 
 
 def without_bias(boxes_xyxy: Floats, bias: Floats) -> Floats:
-    """Boxes `[N, 4]` as they would be framed like the box given; `bias` is `[N, 4]`, of each."""
+    """Boxes as they are when framed like the box given.
+
+    Args:
+        boxes_xyxy: `[N, 4]` in pixels, as the network finds them; NaN stays NaN.
+        bias: `[N, 4]`, of each, from `framing_bias`.
+    """
     with np.errstate(invalid="ignore"):  # the boxes of a network gone astray
         return boxes_xyxy - bias * _sides(boxes_xyxy)
 

@@ -32,8 +32,8 @@ class Track:
         trusted_xyxy: `[4]`, the latest box that was neither uncertain nor lost.
         first_patch, last_patch: the object in the first frame, and in one of the last in which it
             had its usual score, to find what looks like it; as `re3.search.cut_patch` gives them.
-        framing_bias: `[4]`, by how much the network would frame the object differently than the box
-            that it was started with, as `re3.framing_bias` gives it.
+        framing_bias: `[4]`, left, top, right, bottom in sides of a box: what is taken off each box
+            that the network finds, as `re3.framing_bias.framing_bias` gives it.
         searched_for: frames on end with a score low enough for a search.
         scores: what is remembered of them.
         motion: what is remembered of how it moves.
