@@ -7,7 +7,7 @@ pixel. OpenCV's rectangle (x, y, w, h) covers the pixels x to x + w - 1: the num
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +16,7 @@ from re3 import geometry
 from re3.engine import Engine
 from re3.models import DEFAULT_MODEL
 from re3.result import Result, Status
-from re3.tracker import Tracker
+from re3.tracker import Tracker, TrackerOptions
 
 if TYPE_CHECKING:
     import supervision
@@ -85,7 +85,7 @@ class TrackerRe3:
     is wrong, not `cv2.error`.
 
     Args:
-        model, engine, threads, search, mirror, motion, framing: as of `re3.Tracker`.
+        model, engine, options: as of `re3.MultiTracker`.
 
     Examples:
         >>> tracker = re3.TrackerRe3.create()  # was: cv2.TrackerCSRT.create()
@@ -97,22 +97,9 @@ class TrackerRe3:
         self,
         model: str = DEFAULT_MODEL,
         engine: str | Engine = "auto",
-        *,
-        threads: int = 0,
-        search: bool = True,
-        mirror: bool | None = None,
-        motion: bool = True,
-        framing: bool | None = None,
+        **options: Unpack[TrackerOptions],
     ) -> None:
-        self._tracker = Tracker(
-            model,
-            engine,
-            threads=threads,
-            search=search,
-            mirror=mirror,
-            motion=motion,
-            framing=framing,
-        )
+        self._tracker = Tracker(model, engine, **options)
         self._score = 0.0
 
     @classmethod

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import NamedTuple, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +18,7 @@ from re3.geometry import Floats
 from re3.model_spec import CropSpec
 from re3.models import DEFAULT_MODEL
 from re3.result import Result
-from re3.tracker import MultiTracker
+from re3.tracker import MultiTracker, TrackerOptions
 
 
 class TimeSpent(NamedTuple):
@@ -52,22 +52,9 @@ class TimedMultiTracker(MultiTracker):
         self,
         model: str = DEFAULT_MODEL,
         engine: str | Engine = "auto",
-        *,
-        threads: int = 0,
-        search: bool = True,
-        mirror: bool | None = None,
-        motion: bool = True,
-        framing: bool | None = None,
+        **options: Unpack[TrackerOptions],
     ) -> None:
-        super().__init__(
-            model,
-            engine,
-            threads=threads,
-            search=search,
-            mirror=mirror,
-            motion=motion,
-            framing=framing,
-        )
+        super().__init__(model, engine, **options)
         self._network = _TimedEngine(self._engine)
         self._engine = self._network
         self._crop_seconds = 0.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple, TypedDict, TypeVar, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,6 +33,16 @@ from re3.search import PATCH_INTERVAL, PLACES, alike, cut_patch, places
 from re3.track_memory import Track
 
 Value = TypeVar("Value", bound=np.generic)
+
+
+class TrackerOptions(TypedDict, total=False):
+    """What `MultiTracker` takes by name, for those that hand it on; see there."""
+
+    threads: int
+    search: bool
+    mirror: bool | None
+    motion: bool
+    framing: bool | None
 
 
 class _Look(NamedTuple):
@@ -417,22 +427,9 @@ class Tracker:
         self,
         model: str = DEFAULT_MODEL,
         engine: str | Engine = "auto",
-        *,
-        threads: int = 0,
-        search: bool = True,
-        mirror: bool | None = None,
-        motion: bool = True,
-        framing: bool | None = None,
+        **options: Unpack[TrackerOptions],
     ) -> None:
-        self._multi = MultiTracker(
-            model,
-            engine,
-            threads=threads,
-            search=search,
-            mirror=mirror,
-            motion=motion,
-            framing=framing,
-        )
+        self._multi = MultiTracker(model, engine, **options)
 
     def init(self, frame: NDArray[np.uint8], box_xywh: ArrayLike) -> Result:
         """Start to track the object in the box, forgetting any earlier one.
