@@ -98,6 +98,22 @@ def test_objects_move_and_change(stills):
     assert np.nanmedian(sizes) > 1
 
 
+def test_objects_with_limbs_change_their_sides_more(stills):
+    config = replace(CALM, limbs=1.0, bent=0.0, scaling=0.0, stretching=0.0, spinning=0.0)
+    spread = {}
+    for limbs in (0.0, 1.0):
+        scenes = [
+            simulate(stills, 16, np.random.default_rng(seed), replace(config, limbs=limbs))
+            for seed in range(12)
+        ]
+        boxes = [scene.layers[scene.target].boxes_xyxy() for scene in scenes]
+        sides = [np.log(box[:, 2:] - box[:, :2]) for box in boxes]
+        spread[limbs] = np.mean([side.std(axis=0).max() for side in sides])
+    # Half of these objects have no mask, and the others are round.
+    assert spread[0.0] < 1e-6
+    assert spread[1.0] > 5e-3
+
+
 def test_masked_objects_change_their_shape_and_the_box_follows(stills):
     masked = [still for still in stills if still.masked]
     config = SimulationConfig(
@@ -132,6 +148,44 @@ def test_a_crop_is_a_piece_of_the_rendered_frame(stills):
     part = scene.crop(2, (10, 10, 74, 74), 64)
     difference = np.abs(part.astype(int) - whole[10:74, 10:74])
     assert difference.mean() < 1.0
+
+
+def test_the_outline_lies_where_the_object_does(stills):
+    scene = simulate(stills, 8, np.random.default_rng(3), CALM)
+    frame = int(np.flatnonzero(np.isfinite(scene.boxes_xyxy[:, 0]))[-1])
+    box = scene.boxes_xyxy[frame]
+    outline = scene.outline(frame, search_region(box, 3.0), 24)
+    assert outline.dtype == np.float32
+    assert outline.min() >= 0 and outline.max() == 1
+    rows, columns = np.nonzero(outline > 0.5)
+    edges = np.array([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1])
+    np.testing.assert_allclose(edges, [8, 8, 16, 16], atol=1.5)  # the middle third
+    mirrored = MirroredClip(scene)
+    again = mirrored.outline(frame, search_region(mirrored.boxes_xyxy[frame], 3.0), 24)
+    np.testing.assert_allclose(again, outline[:, ::-1], atol=0.3)
+
+
+def test_what_hides_an_object_cuts_its_outline(stills):
+    config = SimulationConfig(occluders=6.0)
+    scenes = [simulate(stills, 16, np.random.default_rng(seed), config) for seed in range(12)]
+    scene = min(scenes, key=lambda scene: np.nanmin(scene.visible))
+    present = np.isfinite(scene.boxes_xyxy[:, 0])
+    least, most = (
+        pick(np.where(present, scene.visible, bad))
+        for pick, bad in ((np.argmin, 9.0), (np.argmax, -1.0))
+    )
+    shown = [
+        scene.outline(int(frame), search_region(scene.boxes_xyxy[frame], 3.0), 24).sum()
+        for frame in (least, most)
+    ]
+    assert shown[0] < 0.6 * shown[1]
+
+
+def test_of_a_recorded_clip_no_outline_is_known():
+    image = np.zeros((50, 60, 3), np.uint8)
+    clip = RecordedClip([image], [(10, 5, 30, 25)], (127.0,) * 3)
+    seen = AugmentedClip(MirroredClip(clip), np.random.default_rng(0))
+    assert seen.outline(0, (0, 0, 30, 30), 24) is None
 
 
 def test_outside_the_scene_is_the_fill(stills):

@@ -11,7 +11,7 @@ import torch
 import torch.distributed
 from tiny import CURRICULUM, train
 
-from re3.network.lite_head import LiteOutput
+from re3.network.base import Prediction
 from re3.training.distributed import ALONE, Processes, check_shares, join_processes
 from re3.training.errors import TrainingError
 from re3.training.loss import tracking_loss
@@ -40,15 +40,17 @@ def test_the_mean_of_the_losses_of_equal_shares_is_that_of_the_whole():
         return torch.rand(*shape, generator=rng)
 
     corners = some(8, 4) * 10
-    output = LiteOutput(corners, some(8), some(8, 2, 6, 6), torch.zeros(8, 1, 1, 1))
+    output = Prediction(corners, some(8), some(8, 2, 6, 6), some(8, 6, 6))
     targets = torch.tensor([[2.0, 3.0, 6.0, 8.0]]) + some(8, 4)
     has_box = torch.tensor([1.0, 0, 0, 0, 1, 1, 1, 1])  # most weight is in one of the shares
     hidden = torch.tensor([0.0, 0, 0, 0, 0, 1, 0, 0])
+    outlines = some(8, 6, 6)
+    outlines[[0, 1, 2, 5]] = float("nan")
 
     def of(rows, processes):
-        part = LiteOutput(*(values[rows] for values in output))
-        given = targets[rows], has_box[rows], hidden[rows], LossWeights(), processes
-        return tracking_loss(part, *given)
+        part = Prediction(*(values[rows] for values in output))
+        given = targets[rows], has_box[rows], hidden[rows], LossWeights(outline=0.5), processes
+        return tracking_loss(part, *given, outlines[rows])
 
     whole = Recorder(1)
     expected = of(slice(None), whole)

@@ -3,7 +3,7 @@ import pytest
 import torch
 
 from re3.geometry import REGRESSION_SCALE, iou_xyxy
-from re3.network.lite_head import LiteOutput
+from re3.network.base import Prediction
 from re3.training.loss import corner_cells, overlaps, tracking_loss
 from re3.training.recipe import LossWeights
 
@@ -12,9 +12,8 @@ TARGET = torch.tensor([[2.5, 2.5, 7.5, 7.5]])
 
 def output(corners, grid=24, score=0.0):
     n = len(corners)
-    return LiteOutput(
-        corners, torch.full((n,), score), torch.zeros(n, 2, grid, grid), torch.zeros(n, 1, 1, 1)
-    )
+    heat = torch.zeros(n, 2, grid, grid)
+    return Prediction(corners, torch.full((n,), score), heat, torch.zeros(n, grid, grid))
 
 
 def loss(corners, has_box=1.0, hidden=0.0, weights=None):
@@ -84,3 +83,32 @@ def test_a_hidden_object_counts_less_beside_a_visible_one():
         ).parts["corners"]
 
     assert total([1.0, 0.0]) < total([0.0, 0.0])
+
+
+def test_the_outline_learns_where_it_is_known():
+    outlines = torch.zeros(2, 24, 24)
+    outlines[0, 8:16, 8:16] = 1.0
+    outlines[1] = float("nan")  # of a recorded clip
+    said = output(TARGET.expand(2, 4))
+    logits = torch.zeros(2, 24, 24, requires_grad=True)
+
+    def of(logits):
+        return tracking_loss(
+            said._replace(outline_logits=logits),
+            TARGET.expand(2, 4),
+            torch.ones(2),
+            torch.zeros(2),
+            LossWeights(outline=1.0),
+            outlines=outlines,
+        )
+
+    found = of(logits)
+    assert found.parts["outline"] == pytest.approx(np.log(2))
+    found.total.backward()
+    assert (logits.grad[1] == 0).all()
+    assert (logits.grad[0, 8:16, 8:16] < 0).all() and (logits.grad[0, :8] > 0).all()
+    assert of(20 * (outlines.nan_to_num() - 0.5)).parts["outline"] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_no_outline_is_learnt_where_none_is_asked_for():
+    assert "outline" not in loss(TARGET).parts

@@ -11,7 +11,7 @@ from tiny import SMALL as TINY
 
 from re3.data.augment import AugmentedClip
 from re3.data.clip import MirroredClip, Origin, RecordedClip
-from re3.geometry import decode, search_region
+from re3.geometry import decode, encode, search_region
 from re3.network.base import Seen
 from re3.network.re3_lite import Re3Lite
 from re3.training.device import Device
@@ -83,6 +83,44 @@ def test_after_a_leap_the_crop_is_cut_at_the_truth(trunk):
     assert rollout.has_box.all()
     # What is known of the first frame is about the box given there.
     np.testing.assert_allclose(rollout.looked[1], still, atol=1e-5)
+
+
+class OutlinedClip(RecordedClip):
+    """Of an object that fills its box."""
+
+    def outline(self, frame, region_xyxy, cells):
+        left, top, right, bottom = encode(self.boxes_xyxy[frame], region_xyxy) * cells / 10
+        at = np.arange(cells) + 0.5
+        across, down = (left < at) & (at < right), (top < at) & (at < bottom)
+        return (down[:, None] & across).astype(np.float32)
+
+
+def test_outlines_are_of_the_crops_and_only_where_asked_for(sampler, trunk):
+    clips = [sampler.sample(4, np.random.default_rng(s)) for s in range(3)]
+    clips[1] = OutlinedClip(clips[1].frames, clips[1].boxes_xyxy, clips[1].fill)
+    with ThreadPoolExecutor(2) as pool:
+        rollout, without = (
+            roll_out(
+                clips,
+                np.zeros(3, bool),
+                tiny_network(),
+                trunk,
+                QUIET,
+                np.random.default_rng(0),
+                pool,
+                outlined=asked,
+            )
+            for asked in (True, False)
+        )
+    assert without.outlines is None
+    assert rollout.outlines.shape == (4 * 3, TINY.grid, TINY.grid)
+    known = ~rollout.outlines.isnan().any(dim=(1, 2)).reshape(4, 3)
+    assert (known == torch.tensor([False, True, False])).all()
+    assert rollout.part(np.array([0, 2])).outlines.isnan().all()
+    for outline, target in zip(rollout.outlines[1::3], rollout.targets[1::3], strict=True):
+        rows, columns = np.nonzero(outline.numpy())
+        edges = np.array([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1])
+        np.testing.assert_allclose(edges / TINY.grid * 10, target, atol=0.6)
 
 
 def test_a_lost_track_may_stay_lost(sampler, trunk):

@@ -112,6 +112,9 @@ class AugmentedClip:
         few = cv2.resize(image, (int(width), int(height)), interpolation=cv2.INTER_AREA)
         return cv2.resize(self._sensed(few, frame, size), (size, size))
 
+    def outline(self, frame: int, region_xyxy: ArrayLike, cells: int) -> NDArray[np.float32] | None:
+        return self.clip.outline(frame, region_xyxy, cells)
+
     def _sensed(self, image: NDArray[np.uint8], frame: int, size: int) -> NDArray[np.uint8]:
         """The image with this camera's noise and compression."""
         if self._noise:

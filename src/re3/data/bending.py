@@ -6,6 +6,8 @@ seen rigid ones comes to hold a part of them.
 
 from __future__ import annotations
 
+from collections.abc import Sequence as Several
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -23,12 +25,21 @@ STRONGEST = 0.12
 """Largest amplitude of a mode as a share of the sides; fields much larger would fold over."""
 
 
+CutOut = tuple[NDArray[np.uint8], NDArray[np.uint8]]
+"""A picture uint8 `[h, w, 3]`, and how opaque it is, uint8 `[h, w]`."""
+
+
 def with_margin(
-    image: NDArray[np.uint8], alpha: NDArray[np.uint8]
-) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """The cut-out in the middle of a larger, transparent one."""
+    image: NDArray[np.uint8], alpha: NDArray[np.uint8], margin: float = MARGIN
+) -> CutOut:
+    """The cut-out in the middle of a larger, transparent one.
+
+    Args:
+        image, alpha: of the cut-out.
+        margin: as a share of its sides.
+    """
     height, width = alpha.shape
-    y, x = max(1, round(MARGIN * height)), max(1, round(MARGIN * width))
+    y, x = max(1, round(margin * height)), max(1, round(margin * width))
     return (
         cv2.copyMakeBorder(image, y, y, x, x, cv2.BORDER_REPLICATE),
         cv2.copyMakeBorder(alpha, y, y, x, x, cv2.BORDER_CONSTANT, value=(0,)),
@@ -36,22 +47,21 @@ def with_margin(
 
 
 def bend(
-    image: NDArray[np.uint8],
-    alpha: NDArray[np.uint8],
+    cut_outs: Several[CutOut],
     times: NDArray[np.int64],
     strength: float,
     rng: np.random.Generator,
-) -> list[tuple[NDArray[np.uint8], NDArray[np.uint8]]]:
+) -> list[CutOut]:
     """The cut-out in every frame, its parts swinging.
 
     Args:
-        image: uint8 `[h, w, 3]`.
-        alpha: uint8 `[h, w]`, transparent at its borders (see `with_margin`).
+        cut_outs: one for all frames or one a frame, all of one size, transparent at the borders
+            (see `with_margin`).
         times: `[T]`, when each frame is taken, in frames.
         strength: mean amplitude of a mode as a share of the sides.
         rng: source of modes and swings.
     """
-    height, width = alpha.shape
+    height, width = cut_outs[0][1].shape
     sides = np.array([width, height], dtype=np.float32)
     knots = rng.normal(0.0, 1.0, (MODES, KNOTS, KNOTS, 2)).astype(np.float32)
     amplitudes = np.minimum(rng.exponential(strength, MODES), STRONGEST)
@@ -62,7 +72,8 @@ def bend(
         np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32)
     )
     bent = []
-    for swing in swings.astype(np.float32):
+    for frame, swing in enumerate(swings.astype(np.float32)):
+        image, alpha = cut_outs[frame if len(cut_outs) > 1 else 0]
         coarse = np.tensordot(swing, knots, axes=1) * sides  # [knots, knots, 2] pixels
         field = cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
         x, y = columns + field[:, :, 0], rows + field[:, :, 1]

@@ -68,6 +68,13 @@ class Clip(Protocol):
         """Cut a region of a frame out, warped to uint8 `[size, size, 3]` BGR."""
         ...
 
+    def outline(self, frame: int, region_xyxy: ArrayLike, cells: int) -> NDArray[np.float32] | None:
+        """Share of each cell of a region that shows the object, `[cells, cells]` in 0..1.
+
+        None where only boxes are known.
+        """
+        ...
+
 
 class RecordedClip:
     """Frames of a real video.
@@ -100,6 +107,9 @@ class RecordedClip:
     def crop(self, frame: int, region_xyxy: ArrayLike, size: int) -> NDArray[np.uint8]:
         return geometry.crop(self.frames[frame], region_xyxy, size, self.fill)
 
+    def outline(self, frame: int, region_xyxy: ArrayLike, cells: int) -> None:
+        return None
+
 
 class MirroredClip:
     """A whole track mirrored left to right (Re3, sec. III-C)."""
@@ -117,6 +127,11 @@ class MirroredClip:
     def crop(self, frame: int, region_xyxy: ArrayLike, size: int) -> NDArray[np.uint8]:
         mirrored = _mirror(np.asarray(region_xyxy, dtype=np.float64))
         return np.ascontiguousarray(self.clip.crop(frame, mirrored, size)[:, ::-1])
+
+    def outline(self, frame: int, region_xyxy: ArrayLike, cells: int) -> NDArray[np.float32] | None:
+        mirrored = _mirror(np.asarray(region_xyxy, dtype=np.float64))
+        outline = self.clip.outline(frame, mirrored, cells)
+        return None if outline is None else np.ascontiguousarray(outline[:, ::-1])
 
 
 class FramedClip:
@@ -140,6 +155,9 @@ class FramedClip:
 
     def crop(self, frame: int, region_xyxy: ArrayLike, size: int) -> NDArray[np.uint8]:
         return self.clip.crop(frame, region_xyxy, size)
+
+    def outline(self, frame: int, region_xyxy: ArrayLike, cells: int) -> None:
+        return None  # that of the clip is of another object than is asked for
 
 
 def _mirror(boxes_xyxy: Floats) -> Floats:

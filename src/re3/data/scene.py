@@ -112,6 +112,13 @@ class Scene:
     def crop(self, frame: int, region_xyxy: ArrayLike, size: int) -> NDArray[np.uint8]:
         return self.render(frame, region_xyxy, size, size)
 
+    def outline(self, frame: int, region_xyxy: ArrayLike, cells: int) -> NDArray[np.float32]:
+        region = np.asarray(region_xyxy, dtype=np.float64)
+        side = OUTLINE_FINENESS * cells
+        seen, _ = self._seen(frame, geometry.crop_transform(region, side, side), side)
+        shares = cv2.resize(seen.astype(np.float32), (cells, cells), interpolation=cv2.INTER_AREA)
+        return np.asarray(shares, dtype=np.float32)
+
     def render(
         self, frame: int, region_xyxy: ArrayLike, width: int, height: int
     ) -> NDArray[np.uint8]:
@@ -154,9 +161,19 @@ class Scene:
             return 0.0
         side = 24
         scene_to_grid = geometry.crop_transform(self.boxes_xyxy[frame], side, side)
+        seen, whole = self._seen(frame, scene_to_grid, side)
+        total = float(whole.sum())
+        return float(seen.sum()) / total if total else 0.0
+
+    def _seen(
+        self, frame: int, scene_to_grid: Floats, side: int
+    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Where the object is seen on a grid `[side, side]`, and where it is, seen or not."""
         hidden = np.zeros((side, side), dtype=np.uint8)
         opaque = hidden
         for index, layer in enumerate(self.layers[self.target :]):
+            if layer.shown is not None and not layer.shown[frame]:
+                continue
             alpha = layer.look(frame).alpha
             assert alpha is not None, "only the background has no alpha"
             cover = cv2.warpAffine(alpha, _to_crop(layer.paths[frame], scene_to_grid), (side, side))
@@ -164,9 +181,12 @@ class Scene:
                 opaque = cover
             else:
                 hidden = np.maximum(hidden, cover)
-        total = float((opaque > 127).sum())
-        return float(((opaque > 127) & (hidden <= 127)).sum()) / total if total else 0.0
+        whole = opaque > 127
+        return whole & (hidden <= 127), whole
 
+
+OUTLINE_FINENESS = 4
+"""Pixels a side of which each cell of an outline is the mean."""
 
 LEAST_INSIDE = 0.15
 """An object of which less than this share is inside the scene counts as absent."""

@@ -36,11 +36,14 @@ class Prediction(NamedTuple):
         corners: `[N, 4]`, x1, y1, x2, y2 in the current crop, times `REGRESSION_SCALE`.
         score_logit: `[N]`, sigmoid of it is the expected overlap; None without a score.
         heat_logits: `[N, 2, G, G]`, of top-left and bottom-right corner; None without heat maps.
+        outline_logits: `[N, G, G]`, sigmoid of it is the share of a cell that shows the object;
+            None of a network that does not draw it.
     """
 
     corners: Tensor
     score_logit: Tensor | None = None
     heat_logits: Tensor | None = None
+    outline_logits: Tensor | None = None
 
 
 class StepNetwork(nn.Module, ABC):
@@ -69,7 +72,14 @@ class StepNetwork(nn.Module, ABC):
 
 
 class TrackingNetwork(StepNetwork):
-    """A network that can be trained: maps of crops once, then steps and unrolls from the maps."""
+    """A network that can be trained: maps of crops once, then steps and unrolls from the maps.
+
+    Attributes:
+        outline_cells: side of the outlines that its part `outline` draws of the object, which it
+            only learns from; 0 for none.
+    """
+
+    outline_cells: int = 0
 
     @abstractmethod
     def parts(self) -> dict[str, nn.Module]:

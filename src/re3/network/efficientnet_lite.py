@@ -36,8 +36,8 @@ STAGES = (
 TAPS = {1: 4, 2: 8, 4: 16}
 """Index of the stage whose output is tapped -> stride of that output."""
 
-FIRST_SPLIT = 3
-"""Stages up to stride 8, whose map is tapped: the trunk can be split behind them or later."""
+FIRST_SPLIT = 2
+"""Stages up to stride 4, whose map is tapped: the trunk can be split behind them or later."""
 
 OUT_CHANNELS = {4: 24, 8: 40, 16: 112}
 PIXEL_MEAN, PIXEL_SCALE = 127.0, 128.0
@@ -138,15 +138,16 @@ class EfficientNetLite0(nn.Module):
             stages: how many, `FIRST_SPLIT` to all of them.
 
         Returns:
-            maps of 24 and 40 channels at strides 4 and 8, and what these stages end with.
+            the map of 24 channels at stride 4, that of 40 at stride 8, and what these stages end
+            with; the same for the second where they end before it.
         """
-        taps = []
+        taps = {}
         x = self.stem(images)
         for index, stage in enumerate(self.stages[:stages]):
             x = stage(x)
             if index in TAPS:
-                taps.append(x)
-        return taps[0], taps[1], x
+                taps[TAPS[index]] = x
+        return taps[4], taps.get(8, x), x
 
     def finish(
         self, maps: tuple[Tensor, Tensor, Tensor], stages: int
@@ -161,8 +162,10 @@ class EfficientNetLite0(nn.Module):
             what `forward` gives.
         """
         at4, at8, x = maps
-        for stage in self.stages[stages:]:
+        for index, stage in enumerate(self.stages[stages:], start=stages):
             x = stage(x)
+            if TAPS.get(index) == 8:
+                at8 = x
         return at4, at8, x
 
 

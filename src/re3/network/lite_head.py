@@ -22,6 +22,7 @@ class LiteOutput(NamedTuple):
     corners: Tensor  # [N, 4]: x1, y1, x2, y2 in the current crop, times REGRESSION_SCALE
     score_logit: Tensor  # [N]: sigmoid of it is the expected overlap
     heat_logits: Tensor  # [N, 2, G, G]: top-left and bottom-right corner
+    outline_logits: Tensor  # [N, G, G]: which cells show the object; learnt, never tracked with
     view: Tensor  # [N, C, V, V]: embedding about the box found
 
 
@@ -56,6 +57,7 @@ class LiteHead(nn.Module):
         self.refine = nn.Sequential(nn.Conv2d(fused, fused, 3, padding=1), prelu(config, fused))
         self.heat = nn.Conv2d(fused, 2, 1)
         self.residual = nn.Linear(units, 4)
+        self.outline = nn.Conv2d(fused, 1, 1)
         likeness = 2 * config.template_cells**2
         self.score = nn.Sequential(
             nn.Linear(units + 2 * fused + 2 + 4 + likeness, 64), nn.ReLU(), nn.Linear(64, 1)
@@ -72,7 +74,7 @@ class LiteHead(nn.Module):
                 nn.init.kaiming_normal_(module.weight)
                 if module.bias is not None:
                     nn.init.zeros_(module.bias)
-        for readout in (self.modulate, self.residual):
+        for readout in (self.modulate, self.residual, self.outline):
             nn.init.zeros_(readout.weight)
         for module in self.modules():
             if isinstance(module, Adapter):
@@ -157,7 +159,8 @@ class LiteHead(nn.Module):
             ],
             dim=1,
         )
-        return LiteOutput(corners, self.score(evidence)[:, 0], logits, found)
+        outline = self.outline(refined)[:, 0]
+        return LiteOutput(corners, self.score(evidence)[:, 0], logits, outline, found)
 
     def forward(self, embedding: Tensor, state: LiteState) -> tuple[LiteOutput, LiteState]:
         """One step of N objects from their crops' embeddings; the state goes in and comes out."""

@@ -24,7 +24,7 @@ from re3.model_spec import ModelSpec
 from re3.network.base import Maps, Prediction, Seen, TrackingNetwork
 from re3.network.efficientnet_lite import FIRST_SPLIT, PIXEL_MEAN, STAGES, EfficientNetLite0
 from re3.network.lite_blocks import Features
-from re3.network.lite_config import STRIDE, LiteConfig, LiteState
+from re3.network.lite_config import LiteConfig, LiteState
 from re3.network.lite_head import LiteHead
 
 
@@ -54,6 +54,7 @@ class Re3Lite(TrackingNetwork):
         self.trunk = EfficientNetLite0()
         self.head = LiteHead(self.config)
         self.split = len(STAGES)
+        self.outline_cells = self.config.grid
 
     def spec(self) -> ModelSpec:
         """What a tracker must know to drive this network."""
@@ -68,12 +69,12 @@ class Re3Lite(TrackingNetwork):
         return dict(self.head.named_children())
 
     def let_trunk_learn(self, stages: int) -> None:
-        """Of EfficientNet-Lite0, those after stride 8 can."""
+        """Of EfficientNet-Lite0, those after stride 4 can."""
         most = len(STAGES) - FIRST_SPLIT
         if not 0 <= stages <= most:
             raise ValueError(
                 f"{stages} stages of the trunk are to learn; expected 0 to {most}, those after "
-                f"stride {STRIDE}, or learn_trunk for all"
+                "stride 4, or learn_trunk for all"
             )
         self.split = len(STAGES) - stages
         for index, stage in enumerate(self.trunk.stages):
@@ -101,7 +102,9 @@ class Re3Lite(TrackingNetwork):
     def unroll(self, seen: Seen, steps: int) -> Prediction:
         """All steps of fresh tracks at once; see `LiteHead.unroll`."""
         output = self.head.unroll(self._embedding(seen.current), seen.looked, steps)
-        return Prediction(output.corners, output.score_logit, output.heat_logits)
+        return Prediction(
+            output.corners, output.score_logit, output.heat_logits, output.outline_logits
+        )
 
     def forward(self, crops: Tensor, state: LiteState) -> tuple[Tensor, Tensor, LiteState]:
         """One step of N objects.

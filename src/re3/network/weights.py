@@ -22,6 +22,8 @@ HALF_SUFFIX = "_half"
 """Weights that an ONNX file stores in half precision have this after their name."""
 A_SLOPE = "head.fuse.1.weight"
 """Has many values in files of `re3-lite` from before it was lean: they are of `re3-look` now."""
+ONLY_LEARNT = "head.outline."
+"""What is there for training alone is in no exported graph; it begins anew."""
 INTEGER_SUFFIX, SCALE_SUFFIX, ZERO_SUFFIX = "_integer", "_scale", "_zero"
 """The first is after the names of those that it stores as integers, the others after those of what
 one is worth and which stands for zero."""
@@ -70,7 +72,9 @@ def load_network(path: str | Path) -> Network:
         network = with_quantized_layers(network)
     own = network.state_dict()
     missing, unknown = sorted(own.keys() - values.keys()), sorted(values.keys() - own.keys())
-    missing = [key for key in missing if not key.endswith("num_batches_tracked")]
+    missing = [
+        key for key in missing if not key.endswith("num_batches_tracked") and ONLY_LEARNT not in key
+    ]
     wrong = [k for k in own.keys() & values.keys() if own[k].shape != values[k].shape]
     if missing or unknown or wrong:
         raise ValueError(

@@ -83,6 +83,7 @@ def tracking_loss(
     hidden: Tensor,
     weights: LossWeights,
     processes: Processes = ALONE,
+    outlines: Tensor | None = None,
 ) -> Losses:
     """Loss of N steps.
 
@@ -93,6 +94,8 @@ def tracking_loss(
         hidden: `[N]`, 1 where the object is all but hidden.
         weights: of the terms.
         processes: that have a share of the batch, each of N steps.
+        outlines: `[N, G, G]`, share of each cell that shows the object, NaN where that is not
+            known; None where it is not asked for.
     """
     weight = has_box * (1 - hidden * (1 - weights.hidden))
     sums, heat = [weight.sum(), has_box.sum()], None
@@ -103,7 +106,16 @@ def tracking_loss(
         entropy = -(cells.flatten(2) * log_heat).sum(dim=2)  # [N, 2]
         heat = (entropy * corner_weight).sum()
         sums.append(corner_weight.sum())
-    boxes, present, *heats = processes.sum(torch.stack(sums)).clamp(min=1.0) / processes.count
+    outline = None
+    if outlines is not None and output.outline_logits is not None:
+        known = 1 - outlines[:, 0, 0].isnan().float()
+        shares = outlines.nan_to_num(0.0)
+        entropy = F.binary_cross_entropy_with_logits(
+            output.outline_logits, shares, reduction="none"
+        ).mean(dim=(1, 2))
+        outline = (entropy * known).sum()
+        sums.append(known.sum())
+    boxes, present, *others = processes.sum(torch.stack(sums)).clamp(min=1.0) / processes.count
 
     iou, giou = overlaps(output.corners, targets)
     reached = (iou * has_box).detach()
@@ -112,7 +124,9 @@ def tracking_loss(
         "overlap": ((1 - giou) * weight).sum() / boxes,
     }
     if heat is not None:
-        terms["heat"] = heat / heats[0]
+        terms["heat"] = heat / others[0]
+    if outline is not None:
+        terms["outline"] = outline / others[-1]
     if output.score_logit is not None:
         terms["score"] = F.binary_cross_entropy_with_logits(output.score_logit, reached)
     factors = asdict(weights)

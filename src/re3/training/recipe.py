@@ -102,6 +102,8 @@ class LossWeights:
         overlap: 1 - generalised IoU of the box.
         heat: cross-entropy of the corner heat maps against the cells about the true corner.
         score: binary cross-entropy of the score against the overlap reached.
+        outline: binary cross-entropy, of each cell, of which cells show the object, where that is
+            known: in simulated clips.
         hidden: factor on the terms of the box while the object is all but hidden.
     """
 
@@ -109,6 +111,7 @@ class LossWeights:
     overlap: float = 0.5
     heat: float = 0.1
     score: float = 0.2
+    outline: float = 0.0
     hidden: float = 0.3
 
 

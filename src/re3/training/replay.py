@@ -52,7 +52,8 @@ def walk_batch(
     def walk(which: NDArray[np.int64]) -> Rollout:
         clips = [batch.clips[index] for index in which]
         draws, own = batch.draws.part(which), batch.own[which]
-        return roll_out(clips, own, network, trunk, recipe.noise, draws, pool, watch)
+        outlined = recipe.loss.outline > 0
+        return roll_out(clips, own, network, trunk, recipe.noise, draws, pool, watch, outlined)
 
     if not recipe.replay:
         return walk(np.arange(len(batch.clips)))

@@ -64,6 +64,8 @@ class Rollout:
         overlap: `[steps, N]`, IoU of the network's own predictions and the truth; NaN where there
             is no true box, or no prediction: in the first step, the last, and where crops are
             not cut at own predictions.
+        outlines: `[steps * N, G, G]`, share of each cell of the current crops that shows the
+            object; NaN where that is not known, None where it was not asked for.
     """
 
     images: NDArray[np.uint8]
@@ -79,6 +81,7 @@ class Rollout:
     sources: tuple[str, ...] = ()
     begun: Tensor = field(default_factory=lambda: torch.zeros(0, 4))
     overlap: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    outlines: Tensor | None = None
 
     def rows(self, sequences: NDArray[np.int64]) -> Tensor:
         """Places of all steps of some sequences, step-major; sequences by place in the batch."""
@@ -125,6 +128,7 @@ class Rollout:
             targets=self.targets[rows],
             has_box=self.has_box[rows],
             hidden=self.hidden[rows],
+            outlines=None if self.outlines is None else self.outlines[rows],
         )
 
 
@@ -137,6 +141,7 @@ def roll_out(
     rng: Draws,
     pool: Executor,
     watch: Stopwatch | None = None,
+    outlined: bool = False,
 ) -> Rollout:
     """Walk the clips from their first frame to their last.
 
@@ -151,6 +156,7 @@ def roll_out(
         rng: source of the noise.
         pool: cuts crops in parallel.
         watch: gets the time of `crops`, `features` and `walk`.
+        outlined: outlines are asked for, of a network that draws them.
     """
     watch = watch or Stopwatch()
     spec = network.spec()
@@ -167,6 +173,7 @@ def roll_out(
     previous_images: list[NDArray[np.uint8]] = []
     previous: list[Maps] = []
     looked: list[Floats] = []
+    outlines: list[Tensor] = []
     targets, has_box, put_back = [], [], 0
     overlap = np.full((steps, objects), np.nan)
     memory: Any | None = None
@@ -184,6 +191,8 @@ def roll_out(
             begun = geometry.encode(truth[:, 0], regions)
         with watch.time("crops"):
             images.append(_crops(clips, t, regions, spec.current.size, pool))
+            if outlined and network.outline_cells:
+                outlines.append(_outlines(clips, t, regions, network.outline_cells, pool))
         with watch.time("features"):
             maps.append(trunk(images[-1]))
         if spec.previous is not None:
@@ -231,6 +240,7 @@ def roll_out(
         sources=tuple(_source(clip) for clip in clips),
         begun=torch.from_numpy(begun).float(),
         overlap=overlap,
+        outlines=torch.cat(outlines) if outlines else None,
     )
 
 
@@ -252,6 +262,7 @@ def join(rollouts: Several[Rollout]) -> Rollout:
 
     images = [r.previous_images for r in rollouts if r.previous_images is not None]
     previous = [r.previous for r in rollouts if r.previous is not None]
+    outlines = [r.outlines for r in rollouts if r.outlines is not None]
     return Rollout(
         images=pictures([r.images for r in rollouts]),
         crops=maps([r.crops for r in rollouts]),
@@ -266,6 +277,7 @@ def join(rollouts: Several[Rollout]) -> Rollout:
         sources=tuple(source for r in rollouts for source in r.sources),
         begun=torch.cat([r.begun for r in rollouts]),
         overlap=np.concatenate([r.overlap for r in rollouts], axis=1),
+        outlines=rows(outlines) if outlines else None,
     )
 
 
@@ -317,6 +329,15 @@ def _crops(
     clips: Several[Clip], frame: int, regions: Floats, size: int, pool: Executor
 ) -> NDArray[np.uint8]:
     return np.stack(list(pool.map(lambda c, r: c.crop(frame, r, size), clips, regions)))
+
+
+def _outlines(
+    clips: Several[Clip], frame: int, regions: Floats, cells: int, pool: Executor
+) -> Tensor:
+    """`[N, cells, cells]`, NaN where not known."""
+    found = pool.map(lambda c, r: c.outline(frame, r, cells), clips, regions)
+    unknown = np.full((cells, cells), np.nan, dtype=np.float32)
+    return torch.from_numpy(np.stack([unknown if o is None else o for o in found]))
 
 
 def _source(clip: Clip) -> str:

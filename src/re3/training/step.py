@@ -100,6 +100,7 @@ class Learner:
             rollout.hidden.to(device),
             self.recipe.loss,
             self.processes,
+            None if rollout.outlines is None else rollout.outlines.to(device),
         )
         corners = output.corners.detach().cpu()
         if not math.isfinite(losses.value):
@@ -131,6 +132,7 @@ class Learner:
                 rollout.has_box[rows],
                 rollout.hidden[rows],
                 self.recipe.loss,
+                outlines=None if rollout.outlines is None else rollout.outlines[rows],
             )
         return losses.value
 
@@ -157,13 +159,15 @@ class Learner:
         return f"the norm of the gradient is {norm}, not finite in {', '.join(names[:3])}"
 
 
-def choose_parts(network: TrackingNetwork, learns: tuple[str, ...]) -> None:
+def choose_parts(network: TrackingNetwork, recipe: Recipe) -> None:
     """Let only some parts of the head learn, which is all but the trunk; all where none is named.
+
+    What draws outlines only learns where its loss counts.
 
     Raises:
         TrainingError: it has no such part.
     """
-    parts = network.parts()
+    parts, learns = network.parts(), recipe.learns
     if unknown := sorted(set(learns) - parts.keys()):
         raise TrainingError(
             f"the recipe's `learns` names {', '.join(unknown)}; expected parts of the head: "
@@ -171,6 +175,8 @@ def choose_parts(network: TrackingNetwork, learns: tuple[str, ...]) -> None:
         )
     for name, part in parts.items():
         part.requires_grad_(not learns or name in learns)
+    if network.outline_cells and not recipe.loss.outline:
+        parts["outline"].requires_grad_(False)
 
 
 class _Unroll(nn.Module):
@@ -194,12 +200,8 @@ class _Unroll(nn.Module):
 
 def _each(output: Prediction, change: Callable[[Tensor], Tensor]) -> Prediction:
     """The same of all that a network predicts."""
-    score, heat = output.score_logit, output.heat_logits
-    return Prediction(
-        change(output.corners),
-        None if score is None else change(score),
-        None if heat is None else change(heat),
-    )
+    said = {name: value for name, value in output._asdict().items() if value is not None}
+    return Prediction(**{name: change(value) for name, value in said.items()})
 
 
 def _to(maps: Maps, device: torch.device) -> Maps:

@@ -92,7 +92,7 @@ class Trainer:
             network.let_trunk_learn(recipe.trunk_stages)
         if not recipe.trunk_depthwise:
             _freeze_depthwise(network.trunk)
-        choose_parts(network, recipe.learns)
+        choose_parts(network, recipe)
         for part in (*network.parts().values(), network.trunk):
             # Convolutions learn a quarter faster with the channels last.
             convert_conv2d_weight_memory_format(part, torch.channels_last)
