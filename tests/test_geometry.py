@@ -136,6 +136,7 @@ def test_a_box_lands_where_encode_says_in_a_crop_that_is_averaged():
         ((1, 2, np.inf, 4), "NaN or infinity"),
         ((1, 2, 0, 4), "no area"),
         ((1, 2, 5, -4), "no area"),
+        ((0.3, 0.3, 0.2, 0.4), "smaller than a pixel.*shares of the frame by its 100 x 80"),
         ((100, 2, 5, 4), "outside the frame of 100 x 80"),  # right
         ((-5, 2, 5, 4), "outside"),  # left
         ((1, 80, 5, 4), "outside"),  # below
@@ -147,7 +148,9 @@ def test_validate_box_refuses(box, message):
         geometry.validate_box(box, 100, 80)
 
 
-@pytest.mark.parametrize("box", [(0, 0, 100, 80), (-5, -5, 6, 6), (99.5, 79.5, 50, 50)])
+@pytest.mark.parametrize(
+    "box", [(0, 0, 100, 80), (-5, -5, 6, 6), (99.5, 79.5, 50, 50), (3, 3, 0.5, 20)]
+)
 def test_validate_box_accepts_boxes_partly_outside(box):
     np.testing.assert_array_equal(geometry.validate_box(box, 100, 80), box)
 

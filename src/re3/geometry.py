@@ -272,7 +272,8 @@ def validate_box(box_xywh: ArrayLike, width: int, height: int) -> Floats:
         the box as float64 `[4]`, unchanged.
 
     Raises:
-        ValueError: not four finite numbers, no area, or wholly outside the frame.
+        ValueError: not four finite numbers, no area, less than a pixel, or wholly outside the
+            frame.
     """
     try:
         box = np.asarray(box_xywh, dtype=np.float64)
@@ -288,6 +289,11 @@ def validate_box(box_xywh: ArrayLike, width: int, height: int) -> Floats:
     x, y, w, h = box
     if w <= 0 or h <= 0:
         raise ValueError(f"{given} has no area; expected width and height above 0 pixels")
+    if max(w, h) < SMALLEST_SIDE:
+        raise ValueError(
+            f"{given} is smaller than a pixel; expected x, y, width, height in pixels. Multiply "
+            f"shares of the frame by its {width} x {height} pixels"
+        )
     if x >= width or y >= height or x + w <= 0 or y + h <= 0:
         raise ValueError(
             f"{given} lies wholly outside the frame of {width} x {height} pixels; "
