@@ -260,6 +260,19 @@ def test_a_resumed_run_equals_an_uninterrupted_one(sampler, tmp_path):
     np.testing.assert_allclose(weights(second), weights(whole), atol=1e-6)
 
 
+def test_a_run_from_before_outlines_were_drawn_goes_on(sampler, tmp_path):
+    first = make(sampler, tmp_path)
+    first.train()
+    path = tmp_path / "checkpoint.pt"
+    values = torch.load(path, weights_only=True)
+    for which in ("network", "average"):
+        values[which] = {k: v for k, v in values[which].items() if "outline" not in k}
+    torch.save(values, path)
+    second = make(sampler, tmp_path)
+    assert second.iteration == first.iteration
+    np.testing.assert_array_equal(weights(second), weights(first))
+
+
 def test_a_roll_out_may_be_learnt_from_in_parts_and_passes(sampler, tmp_path, monkeypatch):
     recipe = replace(RECIPE, phases=(Phase(2, 4, 0.0, 1),), passes=3, parts=2)
     trainer = make(sampler, tmp_path, recipe)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 
 import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
-from torch import Tensor
+from torch import Tensor, nn
 
 from re3.model_spec import SPEC_KEY, ModelSpec
 from re3.network.base import StepNetwork
@@ -47,6 +48,17 @@ def save_weights(network: StepNetwork, path: str | Path, *, half: bool = False) 
     partial.replace(path)
 
 
+def with_only_learnt(values: Mapping[str, Tensor], network: nn.Module) -> dict[str, Tensor]:
+    """Weights, and the network's own of what is there for training alone where they lack it.
+
+    Args:
+        values: by name, from an exported graph or from before there was such a thing.
+        network: that they are for.
+    """
+    own = {name: value for name, value in network.state_dict().items() if ONLY_LEARNT in name}
+    return {**own, **values}
+
+
 def load_network(path: str | Path) -> Network:
     """A network with the weights of a .safetensors file or of an exported .onnx file.
 
@@ -70,11 +82,9 @@ def load_network(path: str | Path) -> Network:
         if not isinstance(network, Re3Lite | Mirrored):
             raise ValueError(f"{path} has layers in eight bits, which {name!r} cannot have")
         network = with_quantized_layers(network)
-    own = network.state_dict()
+    own, values = network.state_dict(), with_only_learnt(values, network)
     missing, unknown = sorted(own.keys() - values.keys()), sorted(values.keys() - own.keys())
-    missing = [
-        key for key in missing if not key.endswith("num_batches_tracked") and ONLY_LEARNT not in key
-    ]
+    missing = [key for key in missing if not key.endswith("num_batches_tracked")]
     wrong = [k for k in own.keys() & values.keys() if own[k].shape != values[k].shape]
     if missing or unknown or wrong:
         raise ValueError(

@@ -19,6 +19,7 @@ from torch.nn.utils import convert_conv2d_weight_memory_format
 
 from re3.data.sampling import ClipSampler
 from re3.network.base import TrackingNetwork
+from re3.network.weights import with_only_learnt
 from re3.training.average import update_average
 from re3.training.batches import Batches
 from re3.training.checkpoint import load, save_whole
@@ -244,7 +245,7 @@ class Trainer:
         if not path.exists():
             return None
         best = copy.deepcopy(self.result)
-        best.load_state_dict(load(path)["network"])
+        best.load_state_dict(with_only_learnt(load(path)["network"], best))
         return best
 
     def _validate(self, validate: Validate) -> dict[str, float]:
@@ -284,8 +285,8 @@ class Trainer:
         path = self.folder / CHECKPOINT
         try:
             values = load(path, str(self.device.torch))
-            self.network.load_state_dict(values["network"])
-            self.average.load_state_dict(values["average"])
+            self.network.load_state_dict(with_only_learnt(values["network"], self.network))
+            self.average.load_state_dict(with_only_learnt(values["average"], self.average))
             self.optimizer.load_state_dict(values["optimizer"])
             if values["scaler"]:  # of a GPU
                 self._learner.scaler.load_state_dict(values["scaler"])
