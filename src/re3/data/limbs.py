@@ -19,6 +19,9 @@ from re3.geometry import Floats
 MARGIN = 0.45
 """Room about the cut-out for limbs, as a share of its sides."""
 
+FEWEST_PIXELS = 16
+"""Opaque pixels below which an object stays in one piece."""
+
 MOST = 3
 """Limbs of an object at most."""
 
@@ -40,6 +43,8 @@ OVERLAP = 0.06
 
 @dataclass(frozen=True, eq=False)
 class _Limb:
+    """A part of a cut-out, and how it moves."""
+
     alpha: NDArray[np.float32]  # [h, w], 0..1
     joint: Floats  # [2], x and y
     outward: Floats  # [2], of length 1
@@ -68,6 +73,9 @@ def swing_limbs(
         alpha: uint8 `[h, w]`, with a transparent margin of `MARGIN`.
         times: `[T]`, when each frame is taken, in frames.
         rng: source of limbs and swings.
+
+    Returns:
+        one a frame, of the same size.
     """
     body, limbs = _cut_off(alpha, times, rng)
     pixels = image.astype(np.float32)
@@ -84,12 +92,11 @@ def _cut_off(
     alpha: NDArray[np.uint8], times: NDArray[np.int64], rng: np.random.Generator
 ) -> tuple[NDArray[np.float32], list[_Limb]]:
     """What is left of a cut-out, and its limbs."""
-    opaque = alpha.astype(np.float32) / np.float32(255)
     rows, columns = np.nonzero(alpha > 127)
     points = np.stack([columns, rows], axis=1).astype(np.float64)
-    body: NDArray[np.float32] = opaque.copy()
+    body: NDArray[np.float32] = alpha.astype(np.float32) / np.float32(255)
     limbs: list[_Limb] = []
-    if len(points) < 16:
+    if len(points) < FEWEST_PIXELS:
         return body, limbs
     size = float(np.sqrt(np.prod(np.ptp(points, axis=0) + 1)))
     across, down = np.meshgrid(np.arange(alpha.shape[1]), np.arange(alpha.shape[0]))
