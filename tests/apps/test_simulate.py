@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from re3.apps.cli import app
-from re3.data.leaving import WAYS
+from re3.data.simulation_config import WAYS
 from re3.video import open_source
 
 

@@ -5,13 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from re3.data.augment import AugmentedClip, PhotometricConfig
+from re3.data.augment import AugmentedClip
 from re3.data.contact_sheet import ABSENT, contact_sheet
 from re3.data.frame_store import FrameStore
-from re3.data.leaving import WAYS, Absence, chance_of_leaving, draw_absence, move_out
-from re3.data.sampling import ClipSampler, SamplingConfig
+from re3.data.leaving import Absence, chance_of_leaving, draw_absence, move_out
+from re3.data.photometric_config import PhotometricConfig
+from re3.data.sampling import ClipSampler
+from re3.data.sampling_config import SamplingConfig
 from re3.data.scene import Layer, Look, Scene
-from re3.data.simulation_config import SimulationConfig
+from re3.data.simulation_config import WAYS, SimulationConfig
 from re3.data.simulator import simulate
 
 CALM = SimulationConfig(

@@ -12,7 +12,8 @@ pytest.importorskip("yaml", reason="mixes need PyYAML (the train extra)")
 
 from re3.data.frame_store import FrameStore
 from re3.data.mix import mix_sampler, read_mix
-from re3.data.sampling import ClipSampler, SamplingConfig, Source
+from re3.data.sampling import ClipSampler, Source
+from re3.data.sampling_config import SamplingConfig
 from re3.data.simulation_config import PAPER_SIMULATION, SimulationConfig
 from re3.data.stills import SMALLEST_SHARE
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from re3.data.frame_store import FrameStore
-from re3.data.sampling import ClipSampler, SamplingConfig
+from re3.data.sampling import ClipSampler
+from re3.data.sampling_config import SamplingConfig
 from re3.data.sequence import Sequence
 from re3.video import VideoWriter
 

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from re3.data.augment import AugmentedClip, PhotometricConfig
+from re3.data.augment import AugmentedClip
 from re3.data.clip import MirroredClip, RecordedClip
+from re3.data.photometric_config import PhotometricConfig
 from re3.data.simulation_config import SimulationConfig
 from re3.data.simulator import simulate
 from re3.data.still_formats import read_stills

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from re3.data.augment import AugmentedClip, PhotometricConfig
+from re3.data.augment import AugmentedClip
 from re3.data.clip import Origin, RecordedClip
 from re3.data.contact_sheet import ABSENT, OCCLUDED, PRESENT, caption, contact_sheet
+from re3.data.photometric_config import PhotometricConfig
 from re3.data.survey import Survey, clip_facts, survey
 
 QUIET = PhotometricConfig(gain=0, offset=0, tint=0, grey=0, blur=0, motion_blur=0, noise=0, jpeg=0)

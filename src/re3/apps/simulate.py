@@ -12,8 +12,8 @@ import typer
 
 from re3.apps.console import failed, stderr
 from re3.apps.sequences import STILL_FORMAT_HELP
-from re3.data.leaving import MANY_FRAMES, WAYS
-from re3.data.simulation_config import SimulationConfig
+from re3.data.leaving import MANY_FRAMES
+from re3.data.simulation_config import WAYS, SimulationConfig
 
 ANY = "any"
 """What `--leaves` is for one of the ways, at random."""

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from re3.data.checks import check_at_least_zero, check_probabilities
 from re3.data.clip import Clip, Origin
+from re3.data.photometric_config import PhotometricConfig
 from re3.geometry import Floats
 
 SMALL_SIDES = (8.0, 48.0)
@@ -17,42 +15,6 @@ SMALL_SIDES = (8.0, 48.0)
 
 SMALLEST_CROP = 6
 """Least side of a crop of a small object before it is enlarged, in pixels."""
-
-
-@dataclass(frozen=True)
-class PhotometricConfig:
-    """Strengths and probabilities; a probability is per clip unless it says per frame.
-
-    Attributes:
-        gain, offset: standard deviation of log contrast and of brightness (0..255).
-        tint: standard deviation of the log gain of each colour channel.
-        waver: share of those deviations that changes from frame to frame.
-        weather: standard deviation of log contrast by which the first frame of a clip that leaps
-            differs from the others.
-        grey: probability of a clip without colour.
-        blur: probability of a soft clip.
-        motion_blur: probability per frame of a blur in a random direction.
-        noise: probability of sensor noise.
-        jpeg: probability of compression.
-        small: probability of an object of few pixels: one that is larger is made `SMALL_SIDES`
-            pixels wide, and its crops are enlarged from those.
-    """
-
-    gain: float = 0.2
-    offset: float = 12.0
-    tint: float = 0.06
-    waver: float = 0.15
-    weather: float = 0.15
-    grey: float = 0.08
-    blur: float = 0.15
-    motion_blur: float = 0.08
-    noise: float = 0.15
-    jpeg: float = 0.15
-    small: float = 0.0
-
-    def __post_init__(self) -> None:
-        check_at_least_zero(self, ("gain", "offset", "tint", "waver", "weather"))
-        check_probabilities(self, ("grey", "blur", "motion_blur", "noise", "jpeg", "small"))
 
 
 class AugmentedClip:

@@ -17,9 +17,6 @@ from numpy.typing import NDArray
 from re3.data.scene import LEAST_INSIDE, Layer, Look
 from re3.geometry import Floats
 
-WAYS = ("walks", "camera", "behind")
-"""How it goes: it walks out of the scene, the camera turns away, or it goes behind something."""
-
 FEWEST_FRAMES = 5
 """In a shorter clip there is no time to see the object, to see it go, and then to be without it."""
 

@@ -28,12 +28,13 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
-from re3.data.augment import PhotometricConfig
 from re3.data.clip import Kind
 from re3.data.formats import read_dataset
 from re3.data.formats.files import dataset_name
 from re3.data.frame_store import FrameStore
-from re3.data.sampling import ClipSampler, SamplingConfig, Source
+from re3.data.photometric_config import PhotometricConfig
+from re3.data.sampling import ClipSampler, Source
+from re3.data.sampling_config import SamplingConfig
 from re3.data.sequence import Sequence
 from re3.data.simulation_config import PAPER_SIMULATION, SimulationConfig
 from re3.data.still_formats import read_stills
@@ -143,6 +144,15 @@ def mix_sampler(mix: Mix, store: FrameStore) -> ClipSampler:
         ValueError, OSError: a source cannot be read or has nothing to train on, or a name to leave
             out fits nothing in it.
     """
+    return ClipSampler.of(mix_sources(mix), store, mix.sampling)
+
+
+def mix_sources(mix: Mix) -> list[Source]:
+    """The sources of a mix with their tracks and stills, those of weight 0 left out.
+
+    Raises:
+        ValueError, OSError: a source cannot be read, or a name to leave out fits nothing in it.
+    """
     sources = []
     for source in mix.sources:
         if source.weight == 0:
@@ -152,7 +162,7 @@ def mix_sampler(mix: Mix, store: FrameStore) -> ClipSampler:
             sources.append(Source(source.name, sequences=sequences, weight=source.weight))
         else:
             sources.append(Source(source.name, stills=_stills(source), weight=source.weight))
-    return ClipSampler.of(sources, store, mix.sampling)
+    return sources
 
 
 def _sequences(source: MixSource) -> list[Sequence]:

@@ -9,14 +9,13 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
-from re3.data.augment import AugmentedClip, PhotometricConfig
-from re3.data.checks import check_at_least_zero, check_colour, check_probabilities, check_ranges
+from re3.data.augment import AugmentedClip
 from re3.data.clip import Clip, FramedClip, Kind, MirroredClip, Origin, RecordedClip
 from re3.data.frame_store import FrameStore
 from re3.data.framing import Framing
+from re3.data.sampling_config import SamplingConfig
 from re3.data.scene import Scene
 from re3.data.sequence import Sequence
-from re3.data.simulation_config import SimulationConfig
 from re3.data.simulator import simulate
 from re3.data.stills import Still
 from re3.geometry import Floats, convert
@@ -30,53 +29,6 @@ frame."""
 
 TRIES = 20
 """Draws of a clip that leaps, before one that does not is taken instead."""
-
-
-@dataclass(frozen=True)
-class SamplingConfig:
-    """The mix.
-
-    Attributes:
-        simulated: share of simulated clips, where there are both stills and tracks.
-        mirrored: probability that a whole clip is mirrored (Re3, sec. III-C).
-        reversed: probability that a recorded clip runs backwards.
-        leaps: probability of a clip whose first frame was taken long before or after the others:
-            objects are followed for much longer than a clip is, and look different by then.
-        leap_frames, leap_simulated: range, log-uniform, of that time in frames, of recorded and
-            of simulated clips.
-        strides: steps between the frames of a recorded clip; one is drawn per clip.
-        framed: probability of a clip whose boxes hold a part of the object, or more than it
-            (`re3.data.framing`). Where it leaves the frame, the boxes stay as they are.
-        framing: standard deviation of the log sides of such boxes, in those of the object's.
-        smallest: tracks whose box has a median side below this many pixels are left out.
-        fill: BGR colour outside the frame.
-    """
-
-    simulated: float = 0.6
-    mirrored: float = 0.5
-    reversed: float = 0.5
-    leaps: float = 0.6
-    leap_frames: tuple[int, int] = (5, 250)
-    leap_simulated: tuple[int, int] = (5, 60)
-    strides: tuple[int, ...] = (1, 1, 1, 1, 2, 2, 3, 4, 6)
-    framed: float = 0.0
-    framing: float = 0.35
-    smallest: float = 5.0
-    fill: tuple[float, float, float] = (127.0, 127.0, 127.0)
-    simulation: SimulationConfig = SimulationConfig()
-    photometric: PhotometricConfig = PhotometricConfig()
-
-    def __post_init__(self) -> None:
-        check_probabilities(self, ("simulated", "leaps", "mirrored", "reversed", "framed"))
-        check_at_least_zero(self, ("framing",))
-        check_ranges(self, ("leap_frames", "leap_simulated"))
-        if not self.strides or min(self.strides) < 1:
-            raise ValueError(
-                f"strides is {list(self.strides)}; expected one or more whole numbers from 1 on"
-            )
-        if not self.smallest >= 0:
-            raise ValueError(f"smallest is {self.smallest}; expected pixels, 0 or more")
-        check_colour(self, "fill")
 
 
 @dataclass(frozen=True, eq=False)

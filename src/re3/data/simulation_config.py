@@ -10,7 +10,9 @@ from re3.data.checks import (
     check_probabilities,
     check_ranges,
 )
-from re3.data.leaving import WAYS
+
+WAYS = ("walks", "camera", "behind")
+"""How an object leaves: out of the scene, by a turn of the camera, or behind something."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,8 @@ class SimulationConfig:
             random patch of the object's own, as in the paper.
         twin: probability of a copy of the object moving beside it.
         other: probability of another object in the scene.
+        crossing: probability that a copy or another object crosses the object's path, behind it,
+            in place of moving along; only where clips are drawn from packed data.
         foreign: probability of a background from another picture.
         leaves: probability that the object goes out of sight, in half of the cases for good, in a
             clip of more than 8 frames; half for those of 5 to 8, none for shorter ones. The
@@ -57,6 +61,7 @@ class SimulationConfig:
     other_occluders: float = 0.5
     twin: float = 0.15
     other: float = 0.25
+    crossing: float = 0.0
     foreign: float = 0.3
     leaves: float = 0.0
     leaves_by: tuple[str, ...] = WAYS
@@ -68,7 +73,8 @@ class SimulationConfig:
             self, ("turning", "scaling", "stretching", "spinning", "bending", "occluders")
         )
         check_probabilities(
-            self, ("bent", "limbs", "other_occluders", "twin", "other", "foreign", "leaves")
+            self,
+            ("bent", "limbs", "other_occluders", "twin", "other", "crossing", "foreign", "leaves"),
         )
         if not self.leaves_by or not set(self.leaves_by) <= set(WAYS):
             raise ValueError(

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence as Several
 from dataclasses import replace
 
-from re3.data.sampling import ClipSampler, SamplingConfig
+from re3.data.sampling import ClipSampler
+from re3.data.sampling_config import SamplingConfig
 from re3.data.sequence import Sequence
 from re3.network.table_one import Variant
 from re3.training.recipe import FROZEN_TRUNK, PAPER, Phase, Recipe

@@ -8,7 +8,7 @@ from re3.data.formats import find_format, looks_like_clips, read_dataset
 from re3.data.formats.alov import IN_VOT2014
 from re3.data.frame_store import FrameStore
 from re3.data.mix import Mix, MixSource, mix_sampler
-from re3.data.sampling import SamplingConfig
+from re3.data.sampling_config import SamplingConfig
 from re3.data.still_formats import find_stills
 
 # Objects of the layouts are a few pixels large.
