@@ -80,6 +80,11 @@ class Re3Lite(TrackingNetwork):
         for index, stage in enumerate(self.trunk.stages):
             stage.requires_grad_(index >= self.split)
 
+    @staticmethod
+    def centred(crops: Tensor) -> Tensor:
+        """Crops `[N, S, S, 3]` BGR, 0 to 255, as the backbone takes them: `[N, 3, S, S]`."""
+        return _centred(crops)
+
     def features(self, crops: Tensor) -> Features:
         """Trunk maps of uint8 `[N, S, S, 3]` BGR crops."""
         return self.trunk.begin(_centred(crops), self.split)

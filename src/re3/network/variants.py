@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from re3.model_spec import CropSpec
 from re3.network.authors import AuthorsConfig, AuthorsSmall, AuthorsSmallConfig
 from re3.network.base import TrackingNetwork
 from re3.network.lite_config import LiteConfig
@@ -18,6 +19,8 @@ VARIANTS: dict[str, Config] = {
     "re3-lite": LiteConfig(),
     "re3-base": MirroredConfig(),
     "re3-look": LOOK,
+    "re3-lite-wide": LiteConfig(name="re3-lite-wide", current=CropSpec(context=4.0, size=192)),
+    "re3-base-wide": LiteConfig(name="re3-base-wide", current=CropSpec(context=4.0, size=256)),
     "re3-authors": AuthorsConfig(),
     "re3-authors-small": AuthorsSmallConfig(),
     "re3-alexnet": Re3Config(name="re3-alexnet", trunk="alexnet"),

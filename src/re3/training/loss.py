@@ -38,6 +38,23 @@ class Losses:
     overlap: Tensor
 
 
+@dataclass(frozen=True, eq=False)
+class LossTerms:
+    """The loss as tensors on the device, without waiting for it.
+
+    Attributes:
+        total: scalar, of this process's share of the batch, to take gradients of.
+        parts: the terms, unweighted scalars.
+        mean_overlap: scalar, IoU of prediction and truth over the steps with a true box.
+        overlap: `[N]`, IoU of each step; 0 where there is no true box.
+    """
+
+    total: Tensor
+    parts: dict[str, Tensor]
+    mean_overlap: Tensor
+    overlap: Tensor
+
+
 def overlaps(predicted: Tensor, truth: Tensor) -> tuple[Tensor, Tensor]:
     """IoU and generalised IoU of boxes_xyxy `[N, 4]` (Rezatofighi et al., 2019)."""
     low = torch.maximum(predicted[:, :2], truth[:, :2])
@@ -85,6 +102,28 @@ def tracking_loss(
     processes: Processes = ALONE,
     outlines: Tensor | None = None,
 ) -> Losses:
+    """Loss of N steps, as numbers; see `loss_terms` for its arguments."""
+    terms = loss_terms(output, targets, has_box, hidden, weights, processes, outlines)
+    figures = torch.stack([terms.total, terms.mean_overlap, *terms.parts.values()])
+    value, overlap, *parts = (processes.sum(figures) / processes.count).tolist()
+    return Losses(
+        total=terms.total,
+        value=value,
+        parts=dict(zip(terms.parts, parts, strict=True)),
+        mean_overlap=overlap,
+        overlap=terms.overlap,
+    )
+
+
+def loss_terms(
+    output: Prediction,
+    targets: Tensor,
+    has_box: Tensor,
+    hidden: Tensor,
+    weights: LossWeights,
+    processes: Processes = ALONE,
+    outlines: Tensor | None = None,
+) -> LossTerms:
     """Loss of N steps.
 
     Args:
@@ -132,12 +171,4 @@ def tracking_loss(
     factors = asdict(weights)
     total = torch.stack([factors[name] * term for name, term in terms.items()]).sum()
 
-    figures = torch.stack([total, reached.sum() / present, *terms.values()])
-    value, overlap, *parts = (processes.sum(figures) / processes.count).tolist()
-    return Losses(
-        total=total,
-        value=value,
-        parts=dict(zip(terms, parts, strict=True)),
-        mean_overlap=overlap,
-        overlap=reached,
-    )
+    return LossTerms(total, terms, reached.sum() / present, reached)
