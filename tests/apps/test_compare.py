@@ -76,6 +76,23 @@ def test_trackers_of_one_folder_and_of_one_name(two, tmp_path):
     assert f"{old}: new against {new}: new".replace(" ", "") in both.replace(" ", "")
 
 
+def test_variants_of_a_clip_are_not_clips_of_their_own(tmp_path):
+    folders = [tmp_path / "one", tmp_path / "two"]
+    for folder, gain in zip(folders, (0.0, 0.1), strict=True):
+        write(folder, folder.name, {}, protocol="hidden")
+        document = json.loads((folder / "results.json").read_text())
+        document["sequences"] = [
+            {"dataset": dataset, "sequence": "a", "tracker": folder.name, "auc": 0.5 + gain * part}
+            for dataset, part in (("d-hidden-5", 1), ("d-hidden-10", 3), ("e-hidden-5", 1))
+        ]
+        (folder / "results.json").write_text(json.dumps(document))
+    result = invoke("compare", *folders)
+    words = " ".join(result.stdout.split())
+    # d: .1 and .3; e: .1.
+    assert "two against one: 2 clips" in words and "+0.150 0.050" in words
+    assert "d: a 0.500 +0.200" in words and "e: a 0.500 +0.100" in words
+
+
 def test_what_cannot_be_compared_is_told(two, tmp_path):
     old, new = two
     (tmp_path / "broken").mkdir()

@@ -322,3 +322,20 @@ def test_a_file_without_weights_is_told(data, tmp_path):
     result = invoke(data, "-t", tmp_path / "broken.safetensors")
     assert result.exit_code == 2, result.output
     assert "broken.safetensors" in result.stderr and "Traceback" not in result.output
+
+
+def test_the_subset_of_starts_is_one_figure_with_its_error(data, tmp_path):
+    arguments = ("-t", STAYS, "--out", tmp_path / "out", "--protocol", "starts")
+    result = invoke(data, *arguments)
+    assert result.exit_code == 0, result.output
+    (row,) = json.loads((tmp_path / "out" / "results.json").read_text())["summary"]
+    # Both clips are short: one start in time, and six boxes beside the truth.
+    assert (row["dataset"], row["sequences"], row["figures"]["clips"]) == ("made-starts", 14, 2)
+    # `jumps` is away from its third frame on, in six of the seven frames that count.
+    assert row["figures"]["lost"] == pytest.approx((0 + 6 / 7) / 2)
+    assert row["figures"]["lost_error"] == pytest.approx(3 / 7)
+    assert row["figures"]["ends_lost"] == 0.5
+    report = (tmp_path / "out" / "report.md").read_text()
+    assert "| made/still | 8 |" in report and "shifted" not in report
+    again = invoke(data, *arguments, "--resume")
+    assert "all 14 results were taken from an earlier run" in " ".join(again.output.split())

@@ -172,11 +172,13 @@ def _by_clip(first: TrackerFigures, second: TrackerFigures, name: str) -> list[C
     """Means over the sequences of a clip that both have."""
     ours, theirs = first.figures[name], second.figures[name]
     common = [key for key in ours if key in theirs]
-    datasets = {dataset for dataset, _ in common}
+    # `davis-hidden-5` and `davis-hidden-10` are the same clips.
+    variants = f"-{first.protocol.name}-"
+    datasets = {dataset.partition(variants)[0] for dataset, _ in common}
 
     def clip(key: SequenceKey) -> str:
         row = first.protocol.row_of_name(key[1])
-        return row if len(datasets) == 1 else f"{key[0]}: {row}"
+        return row if len(datasets) == 1 else f"{key[0].partition(variants)[0]}: {row}"
 
     one = clip_means((clip(key), ours[key]) for key in common)
     other = clip_means((clip(key), theirs[key]) for key in common)
