@@ -183,3 +183,32 @@ def test_version_and_citation_agree():
     citation = yaml.safe_load(text_of(ROOT / "CITATION.cff"))
     assert citation["version"] == re3.__version__
     assert re.search(rf"^## {re.escape(re3.__version__)}\b", text_of(ROOT / "CHANGELOG.md"), re.M)
+
+
+def test_trackers_measured_later_are_added_to_a_report(monkeypatch, tmp_path):
+    pages = tool("report_pages", monkeypatch)
+    head = "# One pass\n\n- command: `re3 eval a`\n\n## a: 2 sequences, ope\n\n"
+    (tmp_path / "page.md").write_text(
+        f"{head}| tracker | AUC | SR.50 |\n| --- | ---: | ---: |\n| kcf | 0.5 | 0.6 |\n\n"
+        "### AUC by sequence\n\n| sequence | frames | kcf |\n| --- | ---: | ---: |\n"
+        "| one | 5 | 0.5 |\n| two | 6 | 0.4 |\n"
+    )
+    (tmp_path / "page-added.md").write_text(
+        f"{head}| tracker | FPS | AUC |\n| --- | ---: | ---: |\n| kcf | 9 | 0.9 |\n"
+        "| new | 8 | 0.7 |\n\n## b: 1 sequence, ope\n\n| tracker | AUC |\n| --- | ---: |\n"
+        "| new | 0.1 |\n\n## a: 2 sequences, ope\n\n| tracker | FPS | AUC |\n"
+        "| --- | ---: | ---: |\n| kcf | 9 | 0.9 |\n| new | 8 | 0.7 |\n\n"
+        "### AUC by sequence\n\n| sequence | frames | kcf | new |\n"
+        "| --- | ---: | ---: | ---: |\n| two | 6 | 0.9 | 0.8 |\n"
+    )
+    page = pages.read_page(tmp_path / "page.md")
+    assert page.datasets == {
+        "a": {
+            "": [["tracker", "AUC", "SR.50"], ["kcf", "0.5", "0.6"], ["new", "0.7", "-"]],
+            "AUC by sequence": [
+                ["sequence", "frames", "kcf", "new"],
+                ["one", "5", "0.5", "-"],
+                ["two", "6", "0.4", "0.8"],
+            ],
+        }
+    }

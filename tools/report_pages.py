@@ -34,11 +34,40 @@ class ReportPage:
 
 
 def read_page(path: Path) -> ReportPage:
-    """A page that `re3 eval` wrote.
+    """A page that `re3 eval` wrote, with the trackers that were measured later.
+
+    Those are in a page of their own beside it, `benchmarks-added.md` beside `benchmarks.md`; a
+    tracker that both have is taken from the first.
 
     Raises:
         ValueError: there is no dataset in it.
     """
+    page, later = _read(path), path.with_name(f"{path.stem}-added.md")
+    if later.is_file():
+        added = _read(later).datasets
+        for name, tables in page.datasets.items():
+            for heading, table in added.get(name, {}).items():
+                if heading in tables:
+                    add = add_rows if heading == "" else add_columns
+                    tables[heading] = add(tables[heading], table)
+    return page
+
+
+def add_rows(table: Rows, more: Rows) -> Rows:
+    """A table with the rows of another that it lacks, under its own headings."""
+    known = {row[0] for row in table}
+    new = [dict(zip(more[0], row, strict=True)) for row in more[1:] if row[0] not in known]
+    return [*table, *([row.get(name, "-") for name in table[0]] for row in new)]
+
+
+def add_columns(table: Rows, more: Rows) -> Rows:
+    """A table with the columns of another that it lacks; rows are found by their first cell."""
+    new = [name for name in more[0] if name not in table[0]]
+    cells = {row[0]: dict(zip(more[0], row, strict=True)) for row in more}
+    return [[*row, *(cells.get(row[0], {}).get(name, "-") for name in new)] for row in table]
+
+
+def _read(path: Path) -> ReportPage:
     before, *sections = re.split(r"^## ", path.read_text(encoding="utf-8"), flags=re.MULTILINE)
     head = dict(re.findall(r"^- ([a-z ]+): (.*)$", before, flags=re.MULTILINE))
     datasets = {}

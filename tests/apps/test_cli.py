@@ -38,6 +38,7 @@ COMMANDS = (
     "serve",
     "models",
     "eval",
+    "compare",
     "bench",
     "vot",
     "qualitative",

@@ -222,7 +222,7 @@ def test_occluded_frames_are_compared(data, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (["--protocol", "otb"], "no protocol 'otb'; expected one of ope, tre, sre, imagenet-vid"),
+        (["--protocol", "otb"], "no protocol 'otb'; expected one of ope, tre, sre, starts"),
         (["--protocol", "vot", "--vot-stack", "vot1999"], "no VOT challenge 'vot1999'"),
         (["--protocol", "vot", "--occluded"], "--occluded compares frames of one pass"),
         (["--format", "cd"], "no format is called 'cd'"),
@@ -281,3 +281,61 @@ def test_starts_beside_the_truth_and_later_ones_make_a_row_a_clip(data, tmp_path
     assert "| still | 8 |" in table and "shifted" not in table
     later = invoke(data, *arguments, "--protocol", "tre")
     assert later.exit_code == 0 and "made-tre: 1 sequence" in later.output
+
+
+def test_weights_of_a_training_run_are_run_as_an_exported_file(tmp_path):
+    pytest.importorskip("torch", reason='needs torch: pip install "re3[train]"')
+    from functools import partial
+
+    from re3.apps.exported_weights import with_exported_weights
+    from re3.evaluation.our_tracker import OurOptions, OurTracker
+    from re3.evaluation.peers import find_tracker
+    from re3.network.variants import build
+    from re3.network.weights import save_weights
+
+    weights = tmp_path / "mine.safetensors"
+    save_weights(build("re3-lite"), weights)
+    asked = [f"{weights}@mirror", f"{weights}@torch", "re3-lite", "first-box"]
+    given = [find_tracker(name) for name in asked]
+    made = with_exported_weights(given, tmp_path / "exported")
+    assert [info.name for info in made] == [
+        "mine@mirror",
+        "mine@torch",
+        "re3-lite",
+        "first-box",
+    ]
+    assert isinstance(made[0].factory, partial)
+    model, options = made[0].factory.args
+    assert model.endswith("mine.onnx") and options == OurOptions(mirror=True)
+    assert made[1:] == given[1:]
+    frame = np.random.default_rng(0).integers(0, 255, (120, 160, 3)).astype(np.uint8)
+    boxes = []
+    for factory in (made[0].factory, partial(OurTracker, str(weights), options)):
+        tracker = factory()
+        tracker.init(frame, (40, 30, 40, 40))
+        boxes.append(tracker.update(frame)[0])
+    np.testing.assert_allclose(boxes[0], boxes[1], atol=0.5)
+
+
+def test_a_file_without_weights_is_told(data, tmp_path):
+    (tmp_path / "broken.safetensors").write_bytes(b"no weights")
+    result = invoke(data, "-t", tmp_path / "broken.safetensors")
+    assert result.exit_code == 2, result.output
+    assert "broken.safetensors" in result.stderr and "Traceback" not in result.output
+
+
+def test_the_subset_of_starts_is_one_figure_with_its_error(data, tmp_path):
+    arguments = ("-t", STAYS, "--out", tmp_path / "out", "--protocol", "starts")
+    result = invoke(data, *arguments)
+    assert result.exit_code == 0, result.output
+    (row,) = json.loads((tmp_path / "out" / "results.json").read_text())["summary"]
+    # Both clips are short: one start in time, and six boxes beside the truth.
+    assert (row["dataset"], row["sequences"], row["figures"]["clips"]) == ("made-starts", 14, 2)
+    # `jumps` is away from its third frame on, in six of the seven frames that count.
+    assert row["figures"]["lost"] == pytest.approx((0 + 6 / 7) / 2)
+    assert row["figures"]["lost_error"] == pytest.approx(3 / 7)
+    assert row["figures"]["ends_lost"] == 0.5
+    report = (tmp_path / "out" / "report.md").read_text()
+    assert "| made/still | 8 |" in report and "shifted" not in report
+    again = invoke(data, *arguments, "--resume")
+    assert "all 14 results were taken from an earlier run" in " ".join(again.output.split())

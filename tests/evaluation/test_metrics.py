@@ -115,13 +115,14 @@ def test_what_cannot_be_scored_is_told(predicted, truth, told):
 
 
 def test_mean_leaves_out_what_is_undefined():
-    one = Scores(0.2, 0.4, 0.6, np.nan, np.nan, np.nan)
-    two = Scores(0.4, 0.8, 0.8, 0.5, 1.0, np.nan)
+    one = Scores(0.2, 0.4, 0.6, np.nan, np.nan, np.nan, 0.5, 1.0)
+    two = Scores(0.4, 0.8, 0.8, 0.5, 1.0, np.nan, np.nan, 0.0)
     mean = Scores.mean([one, two])
     assert mean.auc == pytest.approx(0.3)
     assert mean.precision == pytest.approx(0.6)
     assert (mean.ao, mean.sr50) == (0.5, 1.0)
     assert np.isnan(mean.sr75)
+    assert (mean.lost, mean.ends_lost) == (0.5, 0.5)
 
 
 @given(tracks)
@@ -151,3 +152,28 @@ def test_frames_without_truth_change_nothing(truth, places):
     with_gaps = np.insert(truth, places, np.nan, axis=0)
     wild = np.insert(predicted, places, (1e9, 0, 1, 1), axis=0)
     assert repr(score(wild, with_gaps)) == repr(score(predicted, truth))
+
+
+@pytest.mark.parametrize(
+    ("shifts", "lost", "ends_lost"),
+    [
+        ([0, 0, 0], 0.0, 0.0),
+        ([99, 0, 0], 0.0, 0.0),  # the first frame is given
+        ([0, 99, 0], 0.5, 0.0),  # lost and found again
+        ([0, 0, 99], 0.5, 1.0),
+        ([0, 6, 99], 0.5, 1.0),  # an overlap of .25 has the object
+        ([0, 7, 99], 1.0, 1.0),  # one of 3 / 17 has not
+        ([0, 0, np.nan], 0.5, 1.0),  # no box
+        ([0], np.nan, np.nan),
+    ],
+)
+def test_frames_lost_and_tracks_that_end_lost(shifts, lost, ends_lost):
+    truth = np.array([[10.0, 10, 10, 10]] * len(shifts))
+    predicted = truth + np.array([[shift, 0, 0, 0] for shift in shifts])
+    scores = score(predicted, truth)
+    assert (scores.lost, scores.ends_lost) == pytest.approx((lost, ends_lost), nan_ok=True)
+
+
+def test_a_track_ends_lost_by_its_last_frame_with_truth():
+    truth = np.array([[10.0, 10, 10, 10], [10, 10, 10, 10], [np.nan] * 4])
+    assert score(truth, truth).ends_lost == 0.0

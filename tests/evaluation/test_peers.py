@@ -6,6 +6,7 @@ from re3.evaluation import peers as registry
 from re3.evaluation.metrics import score
 from re3.evaluation.one_pass import run_one_pass
 from re3.evaluation.opencv_trackers import OpenCvTracker
+from re3.evaluation.peer_files import peers_folder
 from re3.evaluation.peers import available_trackers, find_tracker
 
 OPENCV = ("kcf", "kcf-persistent", "csrt", "mil", "mosse", "medianflow", "tld", "boosting")
@@ -23,7 +24,7 @@ def test_names_are_unique_and_say_why_they_are_missing(without_peers):
     assert len({info.name for info in infos}) == len(infos)
     assert all((info.factory is None) == (info.missing is not None) for info in infos)
     missing = {info.name for info in infos if info.missing}
-    assert {"nanotrack-v2", "nanotrack-v3"} <= missing
+    assert {"nanotrack-v2", "nanotrack-v3", "fear-xs", "vit"} <= missing
     assert missing.isdisjoint({"first-box", *OPENCV})
 
 
@@ -32,6 +33,7 @@ def test_names_are_unique_and_say_why_they_are_missing(without_peers):
     [
         ("kfc", ValueError, "no tracker is called 'kfc'.*kcf, "),
         ("nanotrack-v3", ValueError, "nanotrack-v3 is not available: .*--peers or RE3_PEERS"),
+        ("fear-xs", ValueError, "fear-xs is not available: .*one that holds fear with --peers"),
         ("re3", ValueError, "re3 is not available: .*without weights"),
         ("gone.onnx", FileNotFoundError, "gone.onnx does not exist"),
         ("new=gone.onnx", FileNotFoundError, "gone.onnx does not exist"),
@@ -67,15 +69,15 @@ def test_the_folder_of_peers(tmp_path, monkeypatch):
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
     monkeypatch.delenv("RE3_PEERS", raising=False)
-    assert registry.peers_folder() is None
+    assert peers_folder() is None
     default.mkdir(parents=True)
-    assert registry.peers_folder().resolve() == default
+    assert peers_folder().resolve() == default
     monkeypatch.setenv("RE3_PEERS", str(named))
     with pytest.raises(NotADirectoryError, match=r"named is not a folder.*RE3_PEERS"):
-        registry.peers_folder()
+        peers_folder()
     named.mkdir()
-    assert registry.peers_folder() == named
-    assert registry.peers_folder(default) == default
+    assert peers_folder() == named
+    assert peers_folder(default) == default
     (info,) = (info for info in available_trackers() if info.name == "nanotrack-v2")
     assert info.missing is not None and info.missing.endswith("does not exist")
 

@@ -238,3 +238,31 @@ def test_the_framed_protocol_runs_from_parts_of_the_object_and_from_more():
         "d-framed-tall": pytest.approx([16, 18, 28, 24]),
     }
     assert all(np.isnan(s.boxes_xywh[1]).all() for s in made)
+
+
+def test_a_figure_over_starts_is_the_mean_over_clips_with_its_standard_error():
+    results = [
+        passed([BOX, BOX, BOX], "d/a/from-0"),
+        passed([BOX, FAR, BOX], "d/a/from-1"),
+        passed([BOX, FAR, FAR], "d/b/from-0"),
+        passed([BOX, BOX, BOX], "d/c/from-0", unscored=True),
+    ]
+    figures = find_protocol("starts").summarise(results)
+    a, b = (1 + 2 / 3) / 2 * 20 / 21, 1 / 3 * 20 / 21
+    assert figures["auc"] == pytest.approx((a + b) / 2)
+    # Of two values the standard error is half their distance.
+    assert figures["auc_error"] == pytest.approx((a - b) / 2)
+    assert figures["lost"] == pytest.approx((0.25 + 1) / 2)
+    assert figures["ends_lost"] == pytest.approx((0 + 1) / 2)
+    assert figures["clips"] == 2
+
+
+def test_both_datasets_make_one_figure():
+    protocol = find_protocol("starts")
+    assert protocol.prepare is not None
+    clips = [
+        Sequence("s", Path("s"), np.array([BOX] * 30), dataset=dataset) for dataset in ("d", "e")
+    ]
+    made = protocol.prepare(clips)
+    assert {s.dataset for s in made} == {"d+e-starts"}
+    assert {protocol.row_of(s) for s in made} == {"d/s", "e/s"}

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from re3.data.sequence import Sequence
-from re3.evaluation import peers as registry
 from re3.evaluation.floors import RandomWalk
 from re3.evaluation.our_tracker import OurOptions, OurTracker, split_options
+from re3.evaluation.peer_files import VIT_FILE
 from re3.evaluation.peers import ALIASES, available_trackers, find_tracker
 from re3.evaluation.python_trackers import PythonTracker
 from re3.evaluation.result_files import result_path
@@ -26,7 +26,10 @@ def peer_files(tmp_path) -> Path:
         folder.mkdir(parents=True)
         for part in ("backbone", "head"):
             (folder / f"nanotrack_{part}_sim.onnx").touch()
-    (tmp_path / "peers" / registry.VIT_FILE).touch()
+    (tmp_path / "peers" / VIT_FILE).touch()
+    (tmp_path / "peers" / "fear").mkdir()
+    for part in ("template", "search"):
+        (tmp_path / "peers" / "fear" / f"fear_xs_{part}.onnx").touch()
     return tmp_path / "peers"
 
 
@@ -40,6 +43,7 @@ def peer_files(tmp_path) -> Path:
         ("nanotrack:v1", "nanotrack-v1-onnx"),
         ("nanotrack:v2", "nanotrack-v2-onnx"),
         ("nanotrack:v3", "nanotrack-v3"),
+        ("fear-xs", "fear-xs"),
         ("mine=opencv:tld", "mine"),  # a name of its own
         ("mine=kcf", "mine"),
         ("re3-lite@no-reset", "re3-lite@no-reset"),

@@ -26,7 +26,7 @@ from re3.models import DEFAULT_MODEL, FAST_MODEL
 FRAMES_KEPT = 120
 """Frames held in memory: 110 MB at 640 x 480."""
 
-DEFAULT_PEERS = ("kcf", "csrt", "nanotrack-v2")
+DEFAULT_PEERS = ("kcf", "csrt", "nanotrack-v2", "fear-xs")
 """Those of them that can be run here are."""
 
 
@@ -75,6 +75,7 @@ def bench(
         str | None,
         typer.Option(
             "--peers",
+            "-t",
             help="Trackers beside ours, named as `re3 eval --list` does; `none` for none. "
             f"Default: {', '.join(DEFAULT_PEERS)}, where they are.",
             metavar="A,B",

@@ -12,6 +12,7 @@ from rich.table import Table
 from re3 import __version__
 from re3.apps.ablate import ablate
 from re3.apps.bench import bench
+from re3.apps.compare import compare
 from re3.apps.data import data
 from re3.apps.evaluate import evaluate
 from re3.apps.export import export
@@ -89,6 +90,7 @@ app.command()(track)
 app.command()(serve)
 app.command()(models)
 app.command(name="eval")(evaluate)
+app.command()(compare)
 app.command()(bench)
 app.command()(vot)
 app.command()(qualitative)

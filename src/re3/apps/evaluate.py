@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import typer
@@ -12,6 +13,7 @@ import typer
 from re3.apps.console import INTERRUPTED, failed, stderr
 from re3.apps.evaluate_bars import Bars
 from re3.apps.evaluate_tables import show_run, show_trackers
+from re3.apps.exported_weights import with_exported_weights
 from re3.apps.options import PeersOption, SequencesOption
 from re3.apps.sequences import FORMAT_HELP, choose_sequences, read_sequences
 from re3.evaluation.environment import Environment
@@ -85,6 +87,7 @@ def evaluate(
             "-p",
             help="How trackers are run and judged: ope, one pass, means over sequences; "
             "tre, the same from 20 frames of each clip; sre, from 12 boxes beside the truth; "
+            "starts, a fixed subset of both in one figure with its standard error; "
             "imagenet-vid, one pass, all boxes together (Re3, sec. IV-B); ablation, started again "
             "after a drop (Re3, Table I); hidden, one pass with the object hidden for a while; "
             "framed, one pass from boxes about a part of the object or more than it; "
@@ -206,9 +209,9 @@ def evaluate(
         if out is not None and not chosen_protocol.one_pass:
             # Trajectories with restarts must not be taken for those of one pass.
             out = out / chosen_protocol.name
-        with Bars() as bars:
+        with TemporaryDirectory(prefix="re3-eval-") as exported, Bars() as bars:
             results = run(
-                trackers,
+                with_exported_weights(trackers, Path(exported)),
                 chosen,
                 out=out,
                 resume=resume,

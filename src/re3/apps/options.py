@@ -11,7 +11,7 @@ PeersOption = Annotated[
     Path | None,
     typer.Option(
         "--peers",
-        help="Folder with the files of peer trackers (nanotrack/v1 to v3). Default: "
+        help="Folder with the files of peer trackers (nanotrack/v1 to v3, fear). Default: "
         "the environment's RE3_PEERS, or ../shared/peers.",
         metavar="DIR",
         show_default=False,

@@ -23,6 +23,12 @@ STARTS = 20
 LEAST_FRAMES = 20
 """Frames from the last start to the end, at least."""
 
+SAMPLED_STARTS = 6
+"""Of `sample_starts`: later starts of a clip, and shifted ones."""
+
+SAMPLED_FRAMES = 120
+"""Of `sample_starts`: frames of a track, at most."""
+
 _SHIFTS = (-0.1, 0.0, 0.1)
 _SCALES = (0.8, 0.9, 1.1, 1.2)
 
@@ -32,6 +38,11 @@ SHIFTED_STARTS = (
 )
 """Boxes to start from: the true one moved by a tenth of its sides in eight directions, and four
 sizes of it."""
+
+
+_SAMPLED_SHIFTS = (1, 3, 6, 8, 9, 12)
+"""Numbers in `SHIFTED_STARTS`, from 1: the four diagonal shifts, and the smallest and the
+largest box."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,3 +107,41 @@ def start_shifted(sequences: Iterable[Sequence]) -> list[Sequence]:
             values["name"] = f"{sequence.name}/shifted-{number}"
             made.append(ShiftedSequence(**values, start=start))
     return made
+
+
+def sample_starts(sequences: Iterable[Sequence]) -> list[Sequence]:
+    """A fixed subset of the sequences of `start_later` and `start_shifted`, as one dataset.
+
+    Of each clip it has `SAMPLED_STARTS` evenly spaced later starts, fewer of a short clip, and as
+    many shifted ones, each cut after `SAMPLED_FRAMES` frames. The dataset is named after those of
+    the clips, `davis+segtrack-starts`, the sequences after dataset, clip and start,
+    `davis/blackswan/from-12`.
+    """
+    clips = list(sequences)
+    name = "+".join(dict.fromkeys(clip.dataset for clip in clips))
+    made = []
+    for clip in clips:
+        later = start_later([clip])
+        chosen = np.linspace(0, len(later) - 1, min(SAMPLED_STARTS, len(later))).round().astype(int)
+        shifted = start_shifted([clip])
+        made += [later[index] for index in chosen]
+        made += [shifted[number - 1] for number in _SAMPLED_SHIFTS]
+    return [
+        replace(
+            _first_frames(sequence, SAMPLED_FRAMES),
+            name=f"{sequence.dataset.rpartition('-')[0]}/{sequence.name}",
+            dataset=f"{name}-starts",
+        )
+        for sequence in made
+    ]
+
+
+def _first_frames(sequence: Sequence, frames: int) -> Sequence:
+    """A sequence up to so many frames after its first annotated one, with that."""
+    end = int(np.argmax(sequence.annotated)) + frames
+    return replace(
+        sequence,
+        boxes_xywh=sequence.boxes_xywh[:end],
+        occluded=None if sequence.occluded is None else sequence.occluded[:end],
+        polygons=None if sequence.polygons is None else sequence.polygons[:end],
+    )

@@ -29,6 +29,8 @@ DISTANCE_THRESHOLDS = np.arange(51, dtype=np.float64)
 NORMALISED_THRESHOLDS = np.linspace(0.0, 0.5, 51)
 PRECISION_AT = 20
 """Distance in pixels of *the* precision figure."""
+LOST_BELOW = 0.2
+"""The object counts as lost in a frame where the overlap is smaller."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,9 @@ class Scores:
         normalised_precision: area under the normalised precision curve, over 51 thresholds.
         ao: average overlap.
         sr50, sr75: share of frames with an overlap above 0.5, above 0.75.
+        lost: share of frames with an overlap below `LOST_BELOW`, without the first frame.
+        ends_lost: 1 where the last annotated frame is one of those, 0 where it is not; over
+            several tracks, the share that ends lost.
     """
 
     auc: float
@@ -49,6 +54,8 @@ class Scores:
     ao: float
     sr50: float
     sr75: float
+    lost: float
+    ends_lost: float
 
     @classmethod
     def undefined(cls) -> Scores:
@@ -83,6 +90,8 @@ def score(predicted_xywh: ArrayLike, truth_xywh: ArrayLike) -> Scores:
         ao=_mean(followed),
         sr50=_mean(followed > 0.5),
         sr75=_mean(followed > 0.75),
+        lost=_mean(followed < LOST_BELOW),
+        ends_lost=_mean(followed[-1:] < LOST_BELOW),
     )
 
 

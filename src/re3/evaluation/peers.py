@@ -11,35 +11,32 @@ for each sequence. Trackers are asked for by name:
 * `published:FOLDER` are boxes that others published, shown without running anything;
 * `NAME=` before any of these gives it a name of its own in the report.
 
-The files of NanoTrack and VitTrack do not come with re3. They are looked for in
-`nanotrack/<version>` and as `object_tracking_vittrack_2023sep.onnx` in a folder given by the user,
-the environment variable `RE3_PEERS`, or `../shared/peers`.
+The files of NanoTrack, FEAR-XS and VitTrack do not come with re3. They are looked for in
+`nanotrack/<version>`, in `fear` and as `object_tracking_vittrack_2023sep.onnx` in a folder given by
+the user, the environment variable `RE3_PEERS`, or `../shared/peers`.
 """
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from re3.evaluation import nanotrack, opencv_trackers
+from re3.evaluation import opencv_trackers
 from re3.evaluation.floors import FirstBox, RandomWalk
 from re3.evaluation.our_tracker import OurTracker, split_options
+from re3.evaluation.peer_files import PEERS_WITH_FILES, PeerFiles, peers_folder
 from re3.evaluation.python_trackers import PythonTracker, find_class
 from re3.models import find_weights, list_models
 
 MODEL_SUFFIXES = (".onnx", ".safetensors")
 FIRST_BOX = "first-box"
-PEERS_VARIABLE = "RE3_PEERS"
-PEERS_FOLDER = Path("../shared/peers")
-VIT_FILE = "object_tracking_vittrack_2023sep.onnx"
 
 ALIASES = {
     **{
@@ -128,11 +125,7 @@ def available_trackers(peers: Path | None = None) -> list[TrackerInfo]:
         TrackerInfo("medianflow", "OpenCV MedianFlow", opencv_trackers.medianflow),
         TrackerInfo("tld", "OpenCV TLD", opencv_trackers.tld),
         TrackerInfo("boosting", "OpenCV Boosting", opencv_trackers.boosting),
-        _vit_info(folder),
-        *(
-            _nanotrack_info(name, version, about, create, folder)
-            for name, version, about, create in _NANOTRACKS
-        ),
+        *(_peer_info(peer, folder) for peer in PEERS_WITH_FILES),
     ]
 
 
@@ -224,24 +217,6 @@ def _is_model(name: str) -> bool:
     return any(card.name == name for card in list_models())
 
 
-def peers_folder(given: Path | None = None) -> Path | None:
-    """The folder with peer trackers' files: as given, by environment, by default, or None.
-
-    Raises:
-        NotADirectoryError: the folder given, or the environment's, is not one.
-    """
-    if given is None and os.environ.get(PEERS_VARIABLE):
-        given = Path(os.environ[PEERS_VARIABLE])
-    if given is None:
-        return PEERS_FOLDER if PEERS_FOLDER.is_dir() else None
-    if not given.is_dir():
-        raise NotADirectoryError(
-            f"{given} is not a folder; expected one with nanotrack/v2 and nanotrack/v3 "
-            f"(--peers or {PEERS_VARIABLE})"
-        )
-    return given
-
-
 def _model_info(name: str, about: str) -> TrackerInfo:
     try:
         find_weights(name)
@@ -250,55 +225,8 @@ def _model_info(name: str, about: str) -> TrackerInfo:
     return TrackerInfo(name, about, partial(OurTracker, name))
 
 
-def _vit_info(folder: Path | None) -> TrackerInfo:
-    about = "OpenCV VitTrack"
-    if folder is None:
-        reason = (
-            f"no folder of peer trackers; give one that holds {VIT_FILE} with --peers or "
-            f"{PEERS_VARIABLE}"
-        )
-        return TrackerInfo("vit", about, None, reason)
-    file = folder / VIT_FILE
-    if not file.is_file():
-        return TrackerInfo("vit", about, None, f"{file} does not exist")
-    return TrackerInfo("vit", about, partial(opencv_trackers.vit, file))
-
-
-def _nanotrack_v1(backbone: Path, head: Path) -> SequenceTracker:
-    return nanotrack.NanoTrack(backbone, head, nanotrack.V1)
-
-
-def _nanotrack_v2(backbone: Path, head: Path) -> SequenceTracker:
-    return nanotrack.NanoTrack(backbone, head, nanotrack.V2)
-
-
-_NANOTRACKS: tuple[tuple[str, str, str, Callable[[Path, Path], Any]], ...] = (
-    ("nanotrack-v1-onnx", "v1", "NanoTrack v1 through ONNX Runtime", _nanotrack_v1),
-    ("nanotrack-v2", "v2", "NanoTrack v2 through OpenCV", opencv_trackers.nanotrack),
-    ("nanotrack-v2-onnx", "v2", "NanoTrack v2 through ONNX Runtime", _nanotrack_v2),
-    ("nanotrack-v3", "v3", "NanoTrack v3 through ONNX Runtime", nanotrack.NanoTrack),
-)
-"""Name, version, what it is, and what makes it of the two files."""
-
-
-def _nanotrack_info(
-    name: str,
-    version: str,
-    about: str,
-    create: Callable[[Path, Path], SequenceTracker],
-    folder: Path | None,
-) -> TrackerInfo:
-    if folder is None:
-        reason = (
-            f"no folder of peer trackers; give one that holds nanotrack/{version} with --peers "
-            f"or {PEERS_VARIABLE}"
-        )
-        return TrackerInfo(name, about, None, reason)
-    files = [
-        folder / "nanotrack" / version / f"nanotrack_{part}_sim.onnx"
-        for part in ("backbone", "head")
-    ]
-    for file in files:
-        if not file.is_file():
-            return TrackerInfo(name, about, None, f"{file} does not exist")
-    return TrackerInfo(name, about, partial(create, *files))
+def _peer_info(peer: PeerFiles, folder: Path | None) -> TrackerInfo:
+    try:
+        return TrackerInfo(peer.name, peer.about, peer.factory(folder))
+    except FileNotFoundError as error:
+        return TrackerInfo(peer.name, peer.about, None, str(error))

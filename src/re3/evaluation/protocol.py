@@ -86,11 +86,20 @@ class Protocol:
 
     def row_of(self, sequence: Sequence) -> str:
         """The name under which a table by sequence has the figures of one."""
-        return sequence.name.rpartition("/")[0] if self.many_starts else sequence.name
+        return self.row_of_name(sequence.name)
+
+    def row_of_name(self, name: str) -> str:
+        """The same, of a sequence's name."""
+        return clip_of(name) if self.many_starts else name
 
     def measure(self, name: str) -> Measure:
         """The measure of that name; KeyError without."""
         return {measure.name: measure for measure in self.measures}[name]
+
+
+def clip_of(name: str) -> str:
+    """The clip of a sequence that a protocol of many starts made of it: `blackswan/from-12`."""
+    return name.rpartition("/")[0]
 
 
 @dataclass(frozen=True)

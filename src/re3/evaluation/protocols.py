@@ -12,11 +12,21 @@ from functools import lru_cache, partial
 from re3.data.framing import FRAMINGS, frame_otherwise
 from re3.data.hiding import AFTER, DURATIONS, LEAD, hide
 from re3.data.sequence import Sequence
-from re3.data.starts import LEAST_FRAMES, SHIFTED_STARTS, STARTS, start_later, start_shifted
+from re3.data.starts import (
+    LEAST_FRAMES,
+    SAMPLED_FRAMES,
+    SAMPLED_STARTS,
+    SHIFTED_STARTS,
+    STARTS,
+    sample_starts,
+    start_later,
+    start_shifted,
+)
 from re3.evaluation.ablation import ABLATION, SENSITIVITY, ablation
+from re3.evaluation.clip_means import MeanWithError, clip_means
 from re3.evaluation.imagenet_vid import pooled_success
-from re3.evaluation.metrics import Scores
-from re3.evaluation.protocol import Axis, Figures, Measure, Protocol
+from re3.evaluation.metrics import LOST_BELOW, Scores
+from re3.evaluation.protocol import Axis, Figures, Measure, Protocol, clip_of
 from re3.evaluation.reappearance import ALIVE, reappearance
 from re3.evaluation.sequence_result import SequenceResult
 from re3.evaluation.supervised import SupervisedConfig
@@ -29,7 +39,8 @@ def find_protocol(name: str, stack: str = DEFAULT_STACK) -> Protocol:
     """A protocol by name.
 
     Args:
-        name: `ope`, `tre`, `sre`, `imagenet-vid`, `ablation`, `hidden`, `framed` or `vot`.
+        name: `ope`, `tre`, `sre`, `starts`, `imagenet-vid`, `ablation`, `hidden`, `framed` or
+            `vot`.
         stack: of the VOT protocol, the challenge whose lengths its EAO averages over.
 
     Raises:
@@ -45,7 +56,30 @@ def find_protocol(name: str, stack: str = DEFAULT_STACK) -> Protocol:
 
 
 def _ope_figures(results: list[SequenceResult]) -> Figures:
-    return asdict(Scores.mean([result.scores for result in results]))
+    scores = Scores.mean([result.scores for result in results])
+    return {measure.name: float(getattr(scores, measure.name)) for measure in _OPE_MEASURES}
+
+
+def _starts_figures(results: list[SequenceResult]) -> Figures:
+    """Means over clips, each the mean over its starts."""
+    scored = [result for result in results if not result.track.unscored]
+
+    def over_clips(name: str) -> MeanWithError:
+        pairs = ((clip_of(r.sequence.name), float(getattr(r.scores, name))) for r in scored)
+        return MeanWithError.of(list(clip_means(pairs).values()))
+
+    auc, lost, ends_lost = (over_clips(name) for name in ("auc", "lost", "ends_lost"))
+    return {
+        "auc": auc.mean,
+        "auc_error": auc.error,
+        "sr50": over_clips("sr50").mean,
+        "sr75": over_clips("sr75").mean,
+        "lost": lost.mean,
+        "lost_error": lost.error,
+        "ends_lost": ends_lost.mean,
+        "ends_lost_error": ends_lost.error,
+        "clips": float(auc.count),
+    }
 
 
 def _imagenet_vid_figures(results: list[SequenceResult]) -> Figures:
@@ -186,6 +220,34 @@ _PROTOCOLS = {
             measures=_OPE_MEASURES,
             by_sequence=("auc", "precision"),
             prepare=start_shifted,
+            many_starts=True,
+        ),
+        Protocol(
+            name="starts",
+            title="Temporal and spatial robustness, on a subset",
+            conventions=(
+                f"One pass from each of {SAMPLED_STARTS} frames of a clip, as of tre, and from "
+                f"{SAMPLED_STARTS} boxes beside the truth, as of sre, for {SAMPLED_FRAMES} frames "
+                "at most. AUC, SR.50, SR.75 as of ope. Frames lost: share with an overlap below "
+                f"{LOST_BELOW:g}, first frame left out. Ends lost: share of tracks whose last "
+                "frame is lost. Each figure is the mean over clips, of a clip the mean over its "
+                "starts; ± is the standard error over clips."
+            ),
+            supervised=None,
+            summarise=_starts_figures,
+            measures=(
+                Measure("auc", "AUC"),
+                Measure("auc_error", "±", None),
+                Measure("sr50", "SR.50"),
+                Measure("sr75", "SR.75"),
+                Measure("lost", "frames lost", "low"),
+                Measure("lost_error", "±", None),
+                Measure("ends_lost", "ends lost", "low"),
+                Measure("ends_lost_error", "±", None),
+                Measure("clips", "clips", None, counts=True),
+            ),
+            by_sequence=("auc", "lost"),
+            prepare=sample_starts,
             many_starts=True,
         ),
         Protocol(

@@ -49,7 +49,7 @@ def results_json(run: Run) -> str:
     if run.protocol.one_pass:
         document["occlusion"] = [asdict(row) for row in occlusion_table(run.results)]
         document["attributes"] = [asdict(row) for row in attribute_means(run.results)]
-    return json.dumps(_without_nan(document), indent=2, allow_nan=False) + "\n"
+    return json.dumps(without_nan(document), indent=2, allow_nan=False) + "\n"
 
 
 def results_csv(run: Run) -> str:
@@ -96,9 +96,10 @@ def _cell(value: Any) -> Any:
     return value
 
 
-def _without_nan(value: Any) -> Any:
+def without_nan(value: Any) -> Any:
+    """A document for JSON, which has no NaN: null in its place."""
     if isinstance(value, dict):
-        return {key: _without_nan(item) for key, item in value.items()}
+        return {key: without_nan(item) for key, item in value.items()}
     if isinstance(value, list):
-        return [_without_nan(item) for item in value]
+        return [without_nan(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
