@@ -25,12 +25,16 @@ class Frame:
     Attributes:
         image: uint8 `[H, W, 3]` BGR.
         index: 0-based in the source, so that with `start_frame=30` the first is 30.
-        timestamp: seconds from the source's first frame.
+        timestamp: seconds from the source's first frame; never less than that of the frame before.
+        damaged: whether the decoder marked the image as corrupt: part of it is concealed.
+        name: of the image file, relative to the folder of the source; None of video.
     """
 
     image: NDArray[np.uint8]
     index: int
     timestamp: float
+    damaged: bool = False
+    name: str | None = None
 
 
 class VideoSource(ABC):
@@ -45,12 +49,36 @@ class VideoSource(ABC):
         size: width and height in pixels of the first frame delivered.
         frame_count: of the whole source, `start_frame` or not, where it is known, else None. Of a
             video file it is what the file says of itself, which may be an estimate.
+        pixel_aspect: width of a pixel divided by its height, as the source is to be shown. Boxes
+            and sizes are always in stored pixels.
+        notes: sentences on what is unusual about the source, for the user.
+        has_names: whether frames have a name.
+        can_be_damaged: whether frames may be marked as damaged.
     """
 
     name: str
     fps: Fraction
     size: tuple[int, int]
     frame_count: int | None
+    pixel_aspect: Fraction = Fraction(1)
+    notes: tuple[str, ...] = ()
+    has_names: bool = False
+    can_be_damaged: bool = False
+
+    @property
+    def skipped(self) -> int:
+        """Packets left out so far because they cannot be decoded, usually one frame each."""
+        return 0
+
+    @property
+    def missing_frames(self) -> int:
+        """Frames that the source announced and did not give; call it after the last frame."""
+        return 0
+
+    @property
+    def is_cut(self) -> bool:
+        """Whether the frames that are missing are surely those of the video; after the last."""
+        return self.missing_frames > 0
 
     @abstractmethod
     def __iter__(self) -> Iterator[Frame]:
@@ -88,6 +116,8 @@ class FirstFrameKept(VideoSource):
     def __init__(self, source: VideoSource) -> None:
         self.name, self.fps = source.name, source.fps
         self.size, self.frame_count = source.size, source.frame_count
+        self.pixel_aspect, self.notes = source.pixel_aspect, source.notes
+        self.has_names, self.can_be_damaged = source.has_names, source.can_be_damaged
         self._source, self._rest = source, iter(source)
         first = next(self._rest, None)
         if first is None:
@@ -101,3 +131,18 @@ class FirstFrameKept(VideoSource):
     def close(self) -> None:
         """See `VideoSource`."""
         self._source.close()
+
+    @property
+    def skipped(self) -> int:
+        """See `VideoSource`."""
+        return self._source.skipped
+
+    @property
+    def missing_frames(self) -> int:
+        """See `VideoSource`."""
+        return self._source.missing_frames
+
+    @property
+    def is_cut(self) -> bool:
+        """See `VideoSource`."""
+        return self._source.is_cut

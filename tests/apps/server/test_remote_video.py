@@ -13,7 +13,7 @@ import pytest
 from re3.apps.server.decoder import Decoder
 from re3.apps.server.limits import Limits, OverLimitError
 from re3.apps.server.remote_video import DecoderError, RemoteVideo
-from re3.apps.server.sniffing import kind_of
+from re3.video.file_kinds import kind_of
 from re3.video import SourceError, VideoWriter, open_source
 from re3.video.seeking import SeekableSource
 

@@ -27,11 +27,11 @@ import av
 import numpy as np
 
 from re3.apps.server.limits import Limits, OverLimitError
-from re3.apps.server.sniffing import EXPECTED, PICTURE, kind_of_file
 from re3.apps.server.wire import Head, read_message, write_message
 from re3.video import Frame, SourceError, VideoSource
 from re3.video.containers import ContainerSource
-from re3.video.images import ImageSource, read_image, sorted_images
+from re3.video.file_kinds import EXPECTED, PICTURE, PICTURE_NAMES, kind_of_file
+from re3.video.images import open_image, read_image, sorted_images
 from re3.video.seeking import SeekableSource
 
 MEMORY_LIMIT = 4 << 30
@@ -162,7 +162,7 @@ class Decoder:
             return None
         path = self._images[index]
         if kind_of_file(path) != PICTURE:
-            raise SourceError("a frame of a camera has to be a JPEG, PNG or WebP picture")
+            raise SourceError(f"a frame of a camera has to be a picture ({PICTURE_NAMES})")
         return self._kept(Frame(read_image(path), index, index / 30))
 
     def _check_header(self, path: Path) -> None:
@@ -201,7 +201,7 @@ class Decoder:
             self._source.close()
         source: VideoSource
         if kind_of_file(self._path) == PICTURE:
-            source = ImageSource("the picture", [self._path], start)
+            source = open_image(self._path, start)
         else:
             path = str(self._path)
             source = SeekableSource(path) if self._by_keyframes else ContainerSource(path, start)
