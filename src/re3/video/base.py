@@ -71,14 +71,17 @@ class VideoSource(ABC):
         return 0
 
     @property
-    def missing_frames(self) -> int:
-        """Frames that the source announced and did not give; call it after the last frame."""
-        return 0
+    def length_is_certain(self) -> bool:
+        """Whether the announced length is that of the video; a file's may be its sound's."""
+        return True
 
-    @property
-    def is_cut(self) -> bool:
-        """Whether the frames that are missing are surely those of the video; after the last."""
-        return self.missing_frames > 0
+    def missing_frames(self, last: Frame) -> int:
+        """Frames that the source announced and did not give.
+
+        Args:
+            last: the last frame that it gave.
+        """
+        return 0 if self.frame_count is None else max(0, self.frame_count - (last.index + 1))
 
     @abstractmethod
     def __iter__(self) -> Iterator[Frame]:
@@ -138,11 +141,10 @@ class FirstFrameKept(VideoSource):
         return self._source.skipped
 
     @property
-    def missing_frames(self) -> int:
+    def length_is_certain(self) -> bool:
         """See `VideoSource`."""
-        return self._source.missing_frames
+        return self._source.length_is_certain
 
-    @property
-    def is_cut(self) -> bool:
+    def missing_frames(self, last: Frame) -> int:
         """See `VideoSource`."""
-        return self._source.is_cut
+        return self._source.missing_frames(last)

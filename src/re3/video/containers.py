@@ -101,13 +101,10 @@ class ContainerSource(VideoSource):
         self.size = (width, height)
         self.pixel_aspect = self._shown_pixel_aspect()
         self.notes = self._found_notes()
-        self._last = first
         self._frames: Iterator[Frame] = chain((first,), self._decoder)
 
     def __iter__(self) -> Iterator[Frame]:
-        for frame in self._frames:
-            self._last = frame
-            yield frame
+        yield from self._frames
 
     def close(self) -> None:
         # Ended first: a decoder that goes on reading a closed container would crash.
@@ -121,15 +118,13 @@ class ContainerSource(VideoSource):
         return self._skipped
 
     @property
-    def missing_frames(self) -> int:
+    def length_is_certain(self) -> bool:
         """See `VideoSource`."""
-        read = self._last.index + 1 + self._skipped
-        return self._announced.missing(read, self._last.timestamp, self.fps)
+        return self._announced.certain
 
-    @property
-    def is_cut(self) -> bool:
-        """See `VideoSource`."""
-        return self._announced.certain and self.missing_frames > 0
+    def missing_frames(self, last: Frame) -> int:
+        """See `VideoSource`; differences too small to mean anything are 0."""
+        return self._announced.missing(last.index + 1 + self._skipped, last.timestamp, self.fps)
 
     def _open(self, location: str) -> av.container.InputContainer:
         options = {"rtsp_transport": "tcp"} if location.lower().startswith("rtsp") else {}

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import cast
 
 import av
 import numpy as np
@@ -46,7 +48,7 @@ class Orientation:
     def of_frame(cls, frame: av.VideoFrame) -> Orientation:
         """The orientation that a decoded frame carries, from its container or from the stream."""
         try:
-            matrix = frame.side_data[Type.DISPLAYMATRIX]
+            matrix = cast(Mapping[Type, bytes], frame.side_data)[Type.DISPLAYMATRIX]
         except KeyError:
             return UPRIGHT
         except ValueError:
