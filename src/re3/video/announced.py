@@ -40,15 +40,18 @@ class Announced:
             seconds = container.duration / av.time_base
             certain = len(container.streams) == 1
         if stream.frames:
-            return cls(stream.frames, True, seconds, True)
+            # In MP4 an edit list may leave out frames that are counted: the duration knows that.
+            # In AVI the duration is an estimate from the size of the file.
+            edited = "mp4" in container.format.name
+            return cls(stream.frames, True, seconds if edited else None, True)
         frames = None if seconds is None else max(1, round(seconds * fps))
         return cls(frames, False, seconds, certain)
 
     def missing(self, given: int, last_timestamp: float, fps: Fraction) -> int:
         """Frames that the container announced and did not give.
 
-        Compared by time as well as by number: the rate may vary, and an edit list may leave frames
-        out. Differences too small to mean anything are 0.
+        Frames that were not counted are compared by time, as the rate may vary. Differences too
+        small to mean anything are 0.
 
         Args:
             given: frames decoded, and those that could not be.

@@ -213,6 +213,7 @@ class ContainerSource(VideoSource):
         return self._timeline.seconds(frame.time)
 
     def _decoded_frames(self) -> Iterator[av.VideoFrame]:
+        begun = False
         for packet in self._container.demux(self._stream):
             try:
                 frames = packet.decode()
@@ -221,8 +222,9 @@ class ContainerSource(VideoSource):
                 # before it: what cannot be decoded there is not a frame of the file.
                 if not (self._live or self._skip_broken or self._decoded == 0):
                     raise
-                self._skipped += self._decoded > 0
+                self._skipped += begun
                 continue
+            begun = True
             yield from frames
 
     def _image(self, frame: av.VideoFrame) -> NDArray[np.uint8]:

@@ -27,14 +27,12 @@ LIMITED_RANGE = 1
 LONGEST_SIDE = 16384
 """Pixels that x264 takes at most."""
 
-TICKS_PER_SECOND = 90_000
+TICKS_PER_SECOND = 10_000
 """Timestamps are kept at least this finely."""
 
 CLOCK_ERROR = 0.001
 """Seconds that a timestamp may be off the frame rate and still be meant to keep it: Matroska rounds
 to milliseconds."""
-
-FRAGMENT_MICROSECONDS = 500_000
 
 
 class VideoWriter:
@@ -50,9 +48,9 @@ class VideoWriter:
         size: width and height in pixels, up to 16,384. yuv420p has even sides only: an odd one gets
             one more line at the right or bottom, a copy of the last.
         pixel_aspect: width of a pixel divided by its height; players stretch the video by it.
-        live: write under the name from the first frame on, as fragmented MP4, so that a process
-            that is killed leaves a file that plays up to about a second before. An older file is
-            lost with the first frame. When the block ends, it becomes an ordinary MP4.
+        live: write under the name from the first frame on, as fragmented MP4: where the process is
+            killed, the file plays, but for a dozen frames that the encoder still had. An older
+            file is lost with the first frame. When the block ends, it becomes an ordinary MP4.
 
     Raises:
         ValueError: another ending than .mp4, or an unusable frame rate, size or pixel aspect.
@@ -199,8 +197,7 @@ class VideoWriter:
         options = {"movflags": "+faststart"}
         if self._live:
             options = {
-                "movflags": "+delay_moov+default_base_moof",
-                "frag_duration": str(FRAGMENT_MICROSECONDS),
+                "movflags": "+frag_every_frame+delay_moov+default_base_moof",
                 "flush_packets": "1",
             }
         self._container = av.open(str(partial.path), "w", format="mp4", options=options)
