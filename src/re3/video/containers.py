@@ -80,8 +80,8 @@ class ContainerSource(VideoSource):
                     f"{self._shown} has no video in it; expected at least one video track"
                 )
             self._stream = self._container.streams.video[0]
-            # Not frame threads: they lose frames next to a broken packet, and conceal damage
-            # differently from run to run.
+            # Not frame threads: next to a broken packet they lose frames, and mark sound ones as
+            # damaged.
             self._stream.thread_type = "SLICE"
             self._stream.codec_context.thread_count = DECODER_THREADS
             self.fps = Fraction(

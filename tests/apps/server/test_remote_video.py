@@ -13,8 +13,8 @@ import pytest
 from re3.apps.server.decoder import Decoder
 from re3.apps.server.limits import Limits, OverLimitError
 from re3.apps.server.remote_video import DecoderError, RemoteVideo
-from re3.video.file_kinds import kind_of
 from re3.video import SourceError, VideoWriter, open_source
+from re3.video.file_kinds import kind_of
 from re3.video.seeking import SeekableSource
 
 CLIP = Path(__file__).parents[3] / "examples" / "clips" / "person.mp4"
