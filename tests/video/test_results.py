@@ -138,7 +138,7 @@ def test_coco_json_has_names_and_sizes_of_images(tmp_path):
 def test_the_image_and_damage_of_a_frame_where_there_is_room(tmp_path):
     for name in ("r.csv", "r.jsonl", "r.json", "r.txt", "r.mot.txt"):
         with open_results(tmp_path / name) as writer:
-            writer.extra_fields = ("image", "damaged")
+            writer.extra_fields = ("image",)
             writer.write(7, 0.28, [CAR], image="shot, 7.jpg")
             writer.write(8, 0.32, [CAR], image="shot, 8.jpg", damaged=True)
     with (tmp_path / "r.csv").open(newline="") as file:
@@ -151,6 +151,23 @@ def test_the_image_and_damage_of_a_frame_where_there_is_room(tmp_path):
     assert json.loads((tmp_path / "r.json").read_text()) == expected
     assert [json.loads(line) for line in (tmp_path / "r.jsonl").open()] == expected
     assert (tmp_path / "r.txt").read_text() == "1.500,2.000,30.250,40.000\n" * 2
+
+
+@pytest.mark.parametrize("live", [False, True])
+def test_csv_of_sound_frames_has_no_column_for_damage(tmp_path, live):
+    path = tmp_path / "r.csv"
+    with open_results(path, live=live) as writer:
+        writer.write(0, 0.0, [CAR])
+        writer.write(1, 0.1, [CAR, DOG], damaged=True)
+        if live:
+            assert path.read_text().startswith(",".join(ROW) + "\n")
+    with path.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["damaged"] for row in rows] == ["0", "1", "1"]
+    assert list(tmp_path.iterdir()) == [path]
+    with open_results(path, live=live) as writer:
+        writer.write(0, 0.0, [CAR])
+    assert path.read_text().splitlines()[0] == ",".join(ROW)
 
 
 @pytest.mark.parametrize("name", ["r.csv", "r.jsonl", "r.txt", "r.mot.txt"])

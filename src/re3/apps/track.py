@@ -25,7 +25,7 @@ from re3.models import DEFAULT_MODEL
 from re3.timed_tracker import TimedMultiTracker
 from re3.video import FirstFrameKept, VideoSource, VideoWriter, open_results, open_source
 from re3.video.grey_levels import Range
-from re3.video.results_base import DAMAGED_FIELD, IMAGE_FIELD
+from re3.video.results_base import IMAGE_FIELD
 
 BROKEN_SOURCE = 1
 BROKEN_PIPE = 141
@@ -212,7 +212,7 @@ def _run(console: Console, request: _Request, make_tracker: Callable[[], TimedMu
         video = _open_video(out, frames) if out is not None else None
         if rows is not None:
             rows.frame_size = frames.size
-            rows.extra_fields = _extra_fields(frames)
+            rows.extra_fields = (IMAGE_FIELD,) if frames.has_names else ()
         # Entered before the writers, so that it is still there while they complete their files.
         stopped = stack.enter_context(StopSignals())
         for writer in (video, rows):
@@ -242,12 +242,6 @@ def _run(console: Console, request: _Request, make_tracker: Callable[[], TimedMu
 
 def _open_video(out: Path, frames: VideoSource) -> VideoWriter:
     return VideoWriter(out, frames.fps, frames.size, pixel_aspect=frames.pixel_aspect, live=True)
-
-
-def _extra_fields(frames: VideoSource) -> tuple[str, ...]:
-    """Columns that CSV needs for what the source can say of a frame."""
-    fields = {IMAGE_FIELD: frames.has_names, DAMAGED_FIELD: frames.can_be_damaged}
-    return tuple(name for name, wanted in fields.items() if wanted)
 
 
 def _select(console: Console, frames: FirstFrameKept) -> dict[str, Box]:

@@ -53,7 +53,6 @@ class VideoSource(ABC):
             and sizes are always in stored pixels.
         notes: sentences on what is unusual about the source, for the user.
         has_names: whether frames have a name.
-        can_be_damaged: whether frames may be marked as damaged.
     """
 
     name: str
@@ -63,7 +62,6 @@ class VideoSource(ABC):
     pixel_aspect: Fraction = Fraction(1)
     notes: tuple[str, ...] = ()
     has_names: bool = False
-    can_be_damaged: bool = False
 
     @property
     def skipped(self) -> int:
@@ -120,7 +118,7 @@ class FirstFrameKept(VideoSource):
         self.name, self.fps = source.name, source.fps
         self.size, self.frame_count = source.size, source.frame_count
         self.pixel_aspect, self.notes = source.pixel_aspect, source.notes
-        self.has_names, self.can_be_damaged = source.has_names, source.can_be_damaged
+        self.has_names = source.has_names
         self._source, self._rest = source, iter(source)
         first = next(self._rest, None)
         if first is None:

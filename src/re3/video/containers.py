@@ -53,8 +53,6 @@ class ContainerSource(VideoSource):
         SourceError: it cannot be opened, holds no video, or ends before `start_frame`.
     """
 
-    can_be_damaged = True
-
     def __init__(
         self,
         location: str,

@@ -13,10 +13,9 @@ VIDEO = "video"
 PICTURE = "picture"
 HEAD_BYTES = 400
 
-PICTURE_NAMES = "JPEG, PNG, WebP, TIFF, BMP"
 EXPECTED = (
     "a video (MP4, MOV, WebM, MKV, AVI, MPEG, FLV, OGG, WMV, GIF) or a picture "
-    f"({PICTURE_NAMES}; of several frames as well)"
+    "(JPEG, PNG, WebP, TIFF, BMP; of several frames as well)"
 )
 
 _TS_PACKET = 188

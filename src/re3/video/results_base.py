@@ -28,8 +28,8 @@ class ResultsWriter(ABC):
     Attributes:
         frames_written: so far.
         frame_size: width and height in pixels; COCO-style JSON names them where they are set.
-        extra_fields: columns that CSV has after the usual ones, `image`, `damaged` or both; set
-            them before the first frame. The JSON forms need no columns.
+        extra_fields: columns that CSV has after the usual ones, such as `image`; set them before
+            the first frame. The JSON forms need no columns.
     """
 
     def __init__(self) -> None:

@@ -7,8 +7,9 @@ import io
 import json
 import sys
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import IO
 
 from re3.video.partial import PartialFile
 from re3.video.results_base import DAMAGED_FIELD, FIELDS, ResultsWriter, Row
@@ -54,6 +55,24 @@ class GrowingFile:
         earlier.path.replace(self._partial.path)
         self._file = self._partial.path.open("ab", buffering=0)
 
+    def rewrite(self, change: Callable[[IO[str], IO[str]], None]) -> None:
+        """Put a changed copy in the place of what there is.
+
+        Args:
+            change: reads what there is from the first file and writes to the second.
+        """
+        self._file.close()
+        copy = PartialFile(self._partial.path)
+        try:
+            with (
+                self._partial.path.open(encoding="utf-8", newline="") as earlier,
+                copy.path.open("w", encoding="utf-8", newline="") as rewritten,
+            ):
+                change(earlier, rewritten)
+            copy.commit()
+        finally:
+            copy.discard()
+
     def close(self, *, keep: bool) -> None:
         """Close it; to `keep` it, it is under its name from here on, else it is removed."""
         self._file.close()
@@ -68,13 +87,8 @@ def _csv_text(rows: list[Row], fields: Sequence[str], header: bool) -> str:
     writer = csv.DictWriter(text, fields, lineterminator="\n", extrasaction="ignore")
     if header:
         writer.writeheader()
-    writer.writerows(_without_booleans(row) for row in rows)
+    writer.writerows(rows)
     return text.getvalue()
-
-
-def _without_booleans(row: Row) -> Row:
-    """The row with damage as 1 or 0."""
-    return row | {DAMAGED_FIELD: int(row.get(DAMAGED_FIELD, False))}
 
 
 class CsvToStdout(ResultsWriter):
@@ -123,10 +137,30 @@ class _LineFile(ResultsWriter):
 
 
 class Csv(_LineFile):
-    """CSV with a header."""
+    """CSV with a header.
+
+    Where frames were damaged, a column that marks them with 1 is added at the end: a file that
+    grows has room for no more columns.
+    """
+
+    def __init__(self, path: Path, live: bool) -> None:
+        super().__init__(path, live)
+        self._damaged: set[str] = set()
 
     def _text(self, rows: list[Row]) -> str:
+        self._damaged.update(str(row["frame"]) for row in rows if DAMAGED_FIELD in row)
         return _csv_text(rows, (*FIELDS, *self.extra_fields), header=self.frames_written == 0)
+
+    def _finish(self) -> None:
+        if self._file is not None and self._damaged:
+            self._file.rewrite(self._with_damage)
+        super()._finish()
+
+    def _with_damage(self, earlier: IO[str], rewritten: IO[str]) -> None:
+        writer = csv.writer(rewritten, lineterminator="\n")
+        for number, row in enumerate(csv.reader(earlier)):
+            added = DAMAGED_FIELD if number == 0 else str(int(row[0] in self._damaged))
+            writer.writerow([*row, added])
 
 
 class JsonLines(_LineFile):

@@ -30,7 +30,7 @@ from re3.apps.server.limits import Limits, OverLimitError
 from re3.apps.server.wire import Head, read_message, write_message
 from re3.video import Frame, SourceError, VideoSource
 from re3.video.containers import ContainerSource
-from re3.video.file_kinds import EXPECTED, PICTURE, PICTURE_NAMES, kind_of_file
+from re3.video.file_kinds import EXPECTED, PICTURE, kind_of_file
 from re3.video.images import open_image, read_image, sorted_images
 from re3.video.seeking import SeekableSource
 
@@ -162,7 +162,7 @@ class Decoder:
             return None
         path = self._images[index]
         if kind_of_file(path) != PICTURE:
-            raise SourceError(f"a frame of a camera has to be a picture ({PICTURE_NAMES})")
+            raise SourceError("a frame of a camera has to be a JPEG, PNG or WebP picture")
         return self._kept(Frame(read_image(path), index, index / 30))
 
     def _check_header(self, path: Path) -> None:
