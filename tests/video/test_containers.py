@@ -116,6 +116,25 @@ def test_packets_that_cannot_be_decoded_are_skipped_and_counted(noise, broken):
         assert source.skipped == len(broken)
 
 
+@pytest.mark.parametrize(
+    ("name", "codec"),
+    [("c.avi", "ffv1"), ("c.mkv", "libx264"), ("c.mkv", "libsvtav1"), ("c.mp4", "libx264")],
+)
+def test_skipped_packets_are_counted_in_every_codec(encode, name, codec):
+    if codec not in av.codecs_available:
+        pytest.skip(f"this FFmpeg does not encode {codec}")
+    random = np.random.default_rng(1)
+    path = encode(
+        name, [random.integers(0, 255, (144, 192, 3), np.uint8) for _ in range(12)], codec
+    )
+    data = bytearray(path.read_bytes())
+    position, size = packets(path)[5]
+    data[position + 60 : position + size - 2] = random.bytes(size - 62)
+    path.write_bytes(data)
+    with open_source(path) as source:
+        assert (len(list(source)), source.skipped) == (11, 1)
+
+
 def test_a_broken_packet_is_an_error_where_frames_have_annotations(noise):
     break_packets(noise, 7)
     given = []

@@ -19,7 +19,7 @@ from re3.apps.console import INTERRUPTED, failed, stderr
 from re3.apps.stopping import StopSignals
 from re3.apps.track_options import Span, parse_objects, parse_range
 from re3.apps.track_summary import Run, summarise
-from re3.apps.tracking import Box, track_video
+from re3.apps.tracking import Box, Tracked, track_video
 from re3.engine import ENGINES
 from re3.models import DEFAULT_MODEL
 from re3.timed_tracker import TimedMultiTracker
@@ -228,7 +228,7 @@ def _run(console: Console, request: _Request, make_tracker: Callable[[], TimedMu
                 video,
                 rows,
                 request.frames.count,
-                lambda _, done: bar.update(bar.task_ids[0], completed=done.frames, fps=done.fps),
+                lambda _, done: _show(bar, done),
                 stopped,
             )
         stopped.finishing = True
@@ -275,11 +275,21 @@ def _progress_bar(console: Console, frames: VideoSource, span: Span) -> Progress
         TextColumn("{task.description}", markup=False),
         BarColumn(),
         TaskProgressColumn(show_speed=False),
-        TextColumn("{task.completed} of {task.total} frames" if total else "{task.completed}"),
+        TextColumn("{task.fields[count]}"),
         TextColumn("{task.fields[fps]:.0f} FPS"),
         TimeRemainingColumn(),
         console=console,
         transient=True,
     )
-    bar.add_task(f"tracking {frames.name}", total=total, fps=0.0)
+    bar.add_task(f"tracking {frames.name}", total=total, fps=0.0, count="")
     return bar
+
+
+def _show(bar: Progress, done: Tracked) -> None:
+    """Bring the bar up to date; a total that was too low is dropped."""
+    task = bar.tasks[0]
+    if task.total is not None and done.frames > task.total:
+        bar.update(task.id, total=None)
+    of_total = "" if task.total is None else f" of {task.total:.0f}"
+    count = f"{done.frames}{of_total} frames"
+    bar.update(task.id, completed=done.frames, fps=done.fps, count=count)

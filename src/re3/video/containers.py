@@ -211,7 +211,8 @@ class ContainerSource(VideoSource):
         return self._timeline.seconds(frame.time)
 
     def _decoded_frames(self) -> Iterator[av.VideoFrame]:
-        begun = False
+        begun, unanswered = False, 0
+        is_av1 = self._stream.codec.canonical_name == "av1"
         for packet in self._container.demux(self._stream):
             try:
                 frames = packet.decode()
@@ -223,7 +224,11 @@ class ContainerSource(VideoSource):
                 self._skipped += begun
                 continue
             begun = True
+            unanswered += bool(packet.size and not packet.is_discard) - len(frames)
             yield from frames
+        # Decoders of AV1 drop what they cannot decode without an error. A packet is a frame there.
+        if is_av1:
+            self._skipped += max(0, unanswered)
 
     def _image(self, frame: av.VideoFrame) -> NDArray[np.uint8]:
         self._orientation = Orientation.of_frame(frame)

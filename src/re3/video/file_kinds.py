@@ -36,7 +36,6 @@ _BEGINNINGS = {
     b"MM\x00*": PICTURE,
     b"II+\x00": PICTURE,  # BigTIFF
     b"MM\x00+": PICTURE,
-    b"BM": PICTURE,
 }
 _QUICKTIME_ATOMS = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip")
 
@@ -54,6 +53,8 @@ def kind_of(head: bytes) -> str | None:
         return VIDEO
     if head[:4] == b"RIFF":
         return {b"AVI ": VIDEO, b"WEBP": PICTURE}.get(head[8:12])
+    if head[:2] == b"BM" and head[6:10] == bytes(4):  # BMP
+        return PICTURE
     if _is_transport_stream(head):
         return VIDEO
     return None

@@ -77,7 +77,10 @@ def read_frames(
 
 def frame_count(path: Path) -> int:
     """Frames in an image file, by its headers; 1 where they say nothing of several."""
-    return max(1, len(frame_pages(_bytes_of(path).data)))
+    if path.stat().st_size == 0:
+        return 1
+    # Mapped, as only headers are read of what may be large.
+    return max(1, len(frame_pages(np.memmap(path, np.uint8, "r").data)))
 
 
 def _bytes_of(path: Path) -> NDArray[np.uint8]:

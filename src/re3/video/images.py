@@ -8,6 +8,7 @@ from itertools import chain
 from pathlib import Path
 
 from re3.video.base import Frame, SourceError, VideoSource
+from re3.video.file_kinds import PICTURE, kind_of_file
 from re3.video.grey_levels import GreyLevels, Range
 from re3.video.image_files import frame_count, read_frames, read_image
 from re3.video.image_lists import (
@@ -23,6 +24,7 @@ __all__ = [
     "IMAGE_SUFFIXES",
     "ImageSource",
     "StackSource",
+    "holds_several_frames",
     "is_image",
     "open_image",
     "read_image",
@@ -152,6 +154,11 @@ def open_image(
     if frame_count(path) > 1:
         return StackSource(path, start_frame, value_range=value_range)
     return ImageSource(path.name, [path], start_frame, value_range=value_range)
+
+
+def holds_several_frames(path: Path) -> bool:
+    """Whether the file is an image of several frames, whatever its name: FFmpeg reads the first."""
+    return path.is_file() and kind_of_file(path) == PICTURE and frame_count(path) > 1
 
 
 def _rate(seconds: float) -> Fraction:

@@ -15,7 +15,7 @@ from re3.video.camera import CameraSource
 from re3.video.containers import ContainerSource
 from re3.video.grey_levels import Range
 from re3.video.image_lists import IMAGE_SUFFIXES, is_image, refuse_twins, sorted_images
-from re3.video.images import ImageSource, open_image
+from re3.video.images import ImageSource, holds_several_frames, open_image
 
 
 def open_source(
@@ -68,7 +68,7 @@ def open_source(
     if path.is_dir():
         return _open_folder(path, start_frame, value_range)
     if path.exists():
-        if is_image(path):
+        if is_image(path) or holds_several_frames(path):
             return open_image(path, start_frame, value_range=value_range)
         return ContainerSource(text, start_frame, skip_broken=skip_broken, value_range=value_range)
     if glob.has_magic(text):
