@@ -1,6 +1,8 @@
+import errno
 import os
 import subprocess
 import sys
+from contextlib import nullcontext
 from fractions import Fraction
 
 import av
@@ -243,3 +245,21 @@ def test_a_live_video_without_frames_leaves_an_older_file(tmp_path):
     with VideoWriter(path, 25, (64, 48), live=True):
         pass
     assert path.read_bytes() == b"an older file"
+
+
+@pytest.mark.parametrize(("number", "error"), [(errno.ENOSPC, None), (errno.EIO, OSError)])
+def test_a_live_video_stays_fragmented_where_there_is_no_room_for_a_copy(
+    tmp_path, monkeypatch, number, error
+):
+    def fail(fragmented, whole):
+        whole.write_bytes(b"a part")
+        raise OSError(number, "fails")
+
+    monkeypatch.setattr("re3.video.writer._rewrite", fail)
+    path = tmp_path / "v.mp4"
+    writer = VideoWriter(path, 25, (64, 48), live=True)
+    with pytest.raises(error) if error else nullcontext(), writer:
+        writer.write(np.zeros((48, 64, 3), np.uint8))
+    with open_source(path) as source:
+        assert len(list(source)) == 1
+    assert list(tmp_path.iterdir()) == [path]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import math
 from fractions import Fraction
 from pathlib import Path
@@ -50,7 +51,8 @@ class VideoWriter:
         pixel_aspect: width of a pixel divided by its height; players stretch the video by it.
         live: write under the name from the first frame on, as fragmented MP4: where the process is
             killed, the file plays, but for a dozen frames that the encoder still had. An older
-            file is lost with the first frame. When the block ends, it becomes an ordinary MP4.
+            file is lost with the first frame. When the block ends, it becomes an ordinary MP4,
+            if there is room for a copy.
 
     Raises:
         ValueError: another ending than .mp4, or an unusable frame rate, size or pixel aspect.
@@ -173,6 +175,10 @@ class VideoWriter:
         try:
             _rewrite(partial.path, whole.path)
             whole.commit()
+        except OSError as error:
+            # All frames are there already, in the fragmented form.
+            if error.errno != errno.ENOSPC:
+                raise
         finally:
             whole.discard()
 

@@ -166,6 +166,8 @@ def test_all_frames_of_an_image_file_are_read_as_by_the_command(remote, tmp_path
     images = [np.full((24, 32, 3), 20 + 30 * index, np.uint8) for index in range(5)]
     if name == "a.tif":
         cv2.imwritemulti(str(path), images)
+    elif not hasattr(cv2, "Animation"):
+        pytest.skip("this OpenCV is older than 4.11 and writes no animations")
     else:
         made = cv2.Animation()
         made.frames = [np.dstack([each, np.full((24, 32), 255, np.uint8)]) for each in images]
