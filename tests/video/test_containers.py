@@ -248,3 +248,19 @@ def test_grey_video_of_16_bits_keeps_its_contrast(tmp_path):
         first, second = source
     np.testing.assert_allclose(first.image[..., 1], grey, atol=1)
     np.testing.assert_allclose(second.image[..., 1], np.minimum(grey + 10, 255), atol=1)
+
+
+def test_a_title_that_is_not_utf_8_does_no_harm(encode):
+    path = encode("titled.mkv", [CORNERS] * 2)
+    data = path.read_bytes()
+    path.write_bytes(data.replace(b"ENCODER", b"ENC\xf6DER"))
+    assert path.read_bytes() != data
+    with open_source(path) as source:
+        assert len(list(source)) == 2
+
+
+def test_a_codec_that_is_not_known_is_said(encode):
+    path = encode("unknown.mkv", [CORNERS] * 2)
+    path.write_bytes(path.read_bytes().replace(b"V_MPEG4/ISO/AVC", b"V_MPEG9/ISO/AVC"))
+    with pytest.raises(SourceError, match=r"cannot decode; convert it to H\.264"):
+        open_source(path)

@@ -117,6 +117,8 @@ def test_thumbnails_and_masks_in_a_tiff_are_no_frames(order, big):
     assert frame_pages(tiff(order, big, [0, 1, 0, 4, 5])) == [0, 2]
     assert frame_pages(tiff(order, big, [0])) == [0]
     assert frame_pages(tiff(order, big, [0, 0])[:-30]) == [0]  # cut off
+    far = b"II+\0" + struct.pack("<HHQ", 8, 0, 2**63 + 5)
+    assert frame_pages(memoryview(far)) == [0]
 
 
 @pytest.mark.parametrize(

@@ -78,6 +78,11 @@ class ContainerSource(VideoSource):
                     f"{self._shown} has no video in it; expected at least one video track"
                 )
             self._stream = self._container.streams.video[0]
+            if self._stream.codec_context is None:
+                raise SourceError(
+                    f"{self._shown} has video of a kind that this FFmpeg cannot decode; convert it "
+                    "to H.264"
+                )
             # Not frame threads: next to a broken packet they lose frames, and mark sound ones as
             # damaged.
             self._stream.thread_type = "SLICE"
@@ -130,6 +135,7 @@ class ContainerSource(VideoSource):
             return av.open(
                 self._address(location),
                 options=options,
+                metadata_errors="replace",  # titles in Latin-1 are common
                 timeout=STREAM_TIMEOUT if self._live else None,
             )
         except (FFmpegError, OSError) as error:

@@ -131,13 +131,16 @@ def _animation(
 ) -> tuple[list[NDArray[Any]], list[float]]:
     """Frames of an animation and the seconds each is shown."""
     decode = getattr(cv2, "imdecodeanimation", None)  # from OpenCV 4.11 on
-    found = None if decode is None else decode(data)[1]
+    try:
+        found = None if decode is None else decode(data)[1]
+    except cv2.error as error:
+        raise SourceError(f"{path} cannot be read as an animation: {error}") from error
     images = [] if found is None else list(found.frames)
     if found is None or len(images) != announced:
         raise SourceError(
             f"{path} is an animation of {announced} frames, of which OpenCV {cv2.__version__} "
-            f"reads {len(images)}; update it (pip install -U opencv-contrib-python-headless), or "
-            "convert the file to a video"
+            f"reads {len(images)}; restore the file where it is broken; animations need OpenCV 4.11 "
+            "or later (pip install -U opencv-contrib-python-headless)"
         )
     seconds = [float(milliseconds) / 1000 for milliseconds in found.durations]
     seconds = [s if s > SHORTEST_SECONDS else SUBSTITUTE_SECONDS for s in seconds]

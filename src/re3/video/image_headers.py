@@ -12,6 +12,8 @@ _NEW_SUBFILE_TYPE = 254
 _SAMPLE_FORMAT = 339
 _FLOAT = 3
 _MAX_PAGES = 1_000_000
+_BROKEN = (struct.error, OverflowError)
+"""What reading past the end raises, and reading at a place that no file is long enough for."""
 
 
 def frame_pages(data: memoryview) -> list[int]:
@@ -27,7 +29,7 @@ def frame_pages(data: memoryview) -> list[int]:
             return list(range(_png_frames(data)))
         if data[:4] == b"RIFF" and data[8:12] == b"WEBP":
             return list(range(_webp_frames(data)))
-    except struct.error:  # cut off: what can be decoded of it is left to OpenCV
+    except _BROKEN:  # what can be decoded of it is left to OpenCV
         pass
     return [0]
 
@@ -38,7 +40,7 @@ def has_float_pixels(data: memoryview) -> bool:
         return False
     try:
         tags = next(_tiff_directories(data), {})
-    except struct.error:
+    except _BROKEN:
         return False
     return tags.get(_SAMPLE_FORMAT) == _FLOAT
 

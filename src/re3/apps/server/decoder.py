@@ -169,10 +169,14 @@ class Decoder:
         """Refuse by what the header says, before a single frame is decoded."""
         if kind_of_file(path) is None:
             raise SourceError(f"the file is not one that can be tracked in; expected {EXPECTED}")
-        with suppress(av.error.FFmpegError), av.open(str(path)) as container:
+        with (
+            suppress(av.error.FFmpegError),
+            av.open(str(path), metadata_errors="replace") as container,
+        ):
             if container.streams.video:
                 stream = container.streams.video[0]
-                self._limits.check_size(stream.codec_context.width, stream.codec_context.height)
+                if stream.codec_context is not None:
+                    self._limits.check_size(stream.codec_context.width, stream.codec_context.height)
             if container.duration is not None:
                 self._limits.check_duration(container.duration / av.time_base)
 
