@@ -139,8 +139,8 @@ def _animation(
     if found is None or len(images) != announced:
         raise SourceError(
             f"{path} is an animation of {announced} frames, of which OpenCV {cv2.__version__} "
-            f"reads {len(images)}; restore the file where it is broken; animations need OpenCV 4.11 "
-            "or later (pip install -U opencv-contrib-python-headless)"
+            f"reads {len(images)}; restore the file if it is broken; animations need OpenCV 4.11 or "
+            "later (pip install -U opencv-contrib-python-headless)"
         )
     seconds = [float(milliseconds) / 1000 for milliseconds in found.durations]
     seconds = [s if s > SHORTEST_SECONDS else SUBSTITUTE_SECONDS for s in seconds]
