@@ -139,7 +139,7 @@ def _animation(
     if found is None or len(images) != announced:
         raise SourceError(
             f"{path} is an animation of {announced} frames, of which OpenCV {cv2.__version__} "
-            f"reads {len(images)}; restore the file if it is broken; animations need OpenCV 4.11 or "
+            f"reads {len(images)}; restore it if it is broken; animations need OpenCV 4.11 or "
             "later (pip install -U opencv-contrib-python-headless)"
         )
     seconds = [float(milliseconds) / 1000 for milliseconds in found.durations]
