@@ -13,7 +13,11 @@ def send(number):
 
 @pytest.mark.parametrize(
     ("number", "name", "exit_code"),
-    [(signal.SIGINT, "Ctrl-C", 130), (signal.SIGTERM, "SIGTERM", 143)],
+    [
+        (signal.SIGINT, "Ctrl-C", 130),
+        (signal.SIGTERM, "SIGTERM", 143),
+        (signal.SIGHUP, "the closing of the terminal", 129),
+    ],
 )
 def test_a_signal_asks_to_stop(number, name, exit_code):
     before = signal.getsignal(number)
@@ -23,6 +27,16 @@ def test_a_signal_asks_to_stop(number, name, exit_code):
         assert stop()
         assert (stop.name, stop.exit_code) == (name, exit_code)
     assert signal.getsignal(number) is before
+
+
+def test_sighup_is_left_alone_where_it_is_ignored():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup does
+    try:
+        with StopSignals() as stop:
+            send(signal.SIGHUP)
+            assert not stop()
+    finally:
+        signal.signal(signal.SIGHUP, before)
 
 
 def test_a_second_ctrl_c_interrupts_at_once():

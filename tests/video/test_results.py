@@ -123,6 +123,109 @@ def test_coco_json(tmp_path):
     assert whole["annotations"][0]["area"] == 30.25 * 40
 
 
+def test_coco_json_has_names_and_sizes_of_images(tmp_path):
+    with open_results(tmp_path / "r.coco.json") as writer:
+        writer.frame_size = (64, 48)
+        writer.write(0, 0.0, [CAR], image="a/shot_7.jpg")
+        writer.write(1, 0.04, [CAR], image="a/shot_8.jpg", size=(32, 24), damaged=True)
+    first, second = json.loads((tmp_path / "r.coco.json").read_text())["images"]
+    assert (first["file_name"], first["width"], first["height"]) == ("a/shot_7.jpg", 64, 48)
+    assert (second["file_name"], second["width"], second["height"]) == ("a/shot_8.jpg", 32, 24)
+    assert "damaged" not in first
+    assert second["damaged"] is True
+
+
+def test_the_image_and_damage_of_a_frame_where_there_is_room(tmp_path):
+    for name in ("r.csv", "r.jsonl", "r.json", "r.txt", "r.mot.txt"):
+        with open_results(tmp_path / name) as writer:
+            writer.extra_fields = ("image",)
+            writer.write(7, 0.28, [CAR], image="shot, 7.jpg")
+            writer.write(8, 0.32, [CAR], image="shot, 8.jpg", damaged=True)
+    with (tmp_path / "r.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == [*ROW, "image", "damaged"]
+    told = [(row["image"], row["damaged"]) for row in rows]
+    assert told == [("shot, 7.jpg", "0"), ("shot, 8.jpg", "1")]
+    expected = [ROW | {"image": "shot, 7.jpg"}]
+    expected.append(ROW | {"frame": 8, "timestamp": 0.32, "image": "shot, 8.jpg", "damaged": True})
+    assert json.loads((tmp_path / "r.json").read_text()) == expected
+    assert [json.loads(line) for line in (tmp_path / "r.jsonl").open()] == expected
+    assert (tmp_path / "r.txt").read_text() == "1.500,2.000,30.250,40.000\n" * 2
+
+
+@pytest.mark.parametrize("live", [False, True])
+def test_csv_of_sound_frames_has_no_column_for_damage(tmp_path, live):
+    path = tmp_path / "r.csv"
+    with open_results(path, live=live) as writer:
+        writer.write(0, 0.0, [CAR])
+        writer.write(1, 0.1, [CAR, DOG], damaged=True)
+        if live:
+            assert path.read_text().startswith(",".join(ROW) + "\n")
+    with path.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["damaged"] for row in rows] == ["0", "1", "1"]
+    assert list(tmp_path.iterdir()) == [path]
+    with open_results(path, live=live) as writer:
+        writer.write(0, 0.0, [CAR])
+    assert path.read_text().splitlines()[0] == ",".join(ROW)
+
+
+@pytest.mark.parametrize("name", ["r.csv", "r.jsonl", "r.txt", "r.mot.txt"])
+def test_live_results_are_there_with_each_frame(tmp_path, name):
+    whole = tmp_path / "whole"
+    write(whole / name, [CAR], [CAR], [CAR])
+    lines = (whole / name).read_text()
+    path = tmp_path / name
+    path.write_text("older")
+    with open_results(path, live=True) as writer:
+        assert path.read_text() == "older"
+        for index in range(3):
+            writer.write(index + 7, (index + 7) * 0.04, [CAR])
+            found = path.read_text()
+            assert lines.startswith(found)
+            assert found.endswith("\n")
+            assert len(found.splitlines()) == len(lines.splitlines()) - 2 + index
+    assert path.read_text() == lines
+
+
+def test_live_otb_text_of_several_objects(tmp_path):
+    car, dog = tmp_path / "r-car.txt", tmp_path / "r-dog___cat.txt"
+    box, absent = "1.500,2.000,30.250,40.000\n", "nan,nan,nan,nan\n"
+    with open_results(tmp_path / "r.txt", live=True) as writer:
+        writer.write(0, 0.0, [CAR])
+        assert (tmp_path / "r.txt").read_text() == box
+        writer.write(1, 0.0, [CAR, DOG])
+        assert (car.read_text(), dog.read_text()) == (box * 2, absent + "5.000,6.000,7.000,8.000\n")
+        writer.write(2, 0.0, [DOG])
+        assert car.read_text() == box * 2 + absent
+    assert sorted(tmp_path.iterdir()) == [car, dog]
+
+
+@pytest.mark.parametrize("live", [False, True])
+def test_a_disk_that_is_full_leaves_complete_lines(tmp_path, monkeypatch, live):
+    path = tmp_path / "r.csv"
+    with pytest.raises(OSError, match="full"), open_results(path, live=live) as writer:
+        writer.write(0, 0.0, [CAR])
+
+        class Full:
+            """A file that takes ten bytes more."""
+
+            def __init__(self, file):
+                self.file, self.left = file, 10
+                self.truncate, self.close = file.truncate, file.close
+
+            def write(self, data):
+                if not self.left:
+                    raise OSError("disk full")
+                written = self.file.write(data[: self.left])
+                self.left = 0
+                return written
+
+        writer._file._file = Full(writer._file._file)
+        writer.write(1, 0.04, [CAR])
+    assert [line.split(",")[0] for line in path.read_text().split("\n")] == ["frame", "0", ""]
+
+
 def test_an_older_file_stays_until_the_new_one_is_complete(tmp_path):
     path = tmp_path / "r.csv"
     path.write_text("older")

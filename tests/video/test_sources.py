@@ -108,27 +108,6 @@ def test_the_first_frame_can_be_looked_at_before_the_walk(clip):
         assert numbers(kept) == numbers(plain)
 
 
-@pytest.mark.parametrize("kind", ["noise", "cut"])
-def test_a_broken_video_gives_the_frames_before_and_then_says_where(noise, kind):
-    data = bytearray(noise.read_bytes())
-    middle = len(data) // 2
-    if kind == "noise":
-        data[middle : middle + 3000] = bytes(i * 37 % 256 for i in range(3000))
-    else:
-        del data[middle:]
-    noise.write_bytes(data)
-    given = []
-    with open_source(noise) as source, pytest.raises(SourceError, match="is broken after") as error:
-        given += [frame.index for frame in source]
-    with open_source(noise) as source, pytest.raises(SourceError):
-        for frame in source:
-            given.append(frame.index)
-    assert given == list(range(len(given)))
-    assert 5 < len(given) < 40
-    assert f"after frame {given[-1]}: " in str(error.value)
-    assert f"; {len(given)} frames could be read" in str(error.value)
-
-
 class FakeCamera:
     """Stands for cv2.VideoCapture: five frames, then unplugged."""
 
@@ -220,25 +199,6 @@ def test_a_silent_stream_is_given_up(monkeypatch):
         open_source(f"http://127.0.0.1:{server.getsockname()[1]}/clip.mp4")
 
 
-def test_a_sideways_recording_is_turned_upright(tmp_path):
-    path = tmp_path / "sideways.mp4"
-    image = np.zeros((32, 64, 3), np.uint8)
-    image[:, :32] = 255
-    with av.open(str(path), "w") as container:
-        stream = container.add_stream("libx264", rate=10)
-        stream.width, stream.height, stream.pix_fmt = 64, 32, "yuv420p"
-        try:
-            stream.set_display_rotation(90)
-        except AttributeError:
-            pytest.skip("this PyAV cannot write a rotation")
-        for packet in stream.encode(av.VideoFrame.from_ndarray(image, format="bgr24")):
-            container.mux(packet)
-        for packet in stream.encode():
-            container.mux(packet)
-    with open_source(path) as source:
-        assert source.size == (32, 64)
-
-
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -253,6 +213,14 @@ def test_a_sideways_recording_is_turned_upright(tmp_path):
         (lambda p: _write(p / "empty.mp4", b""), "cannot be opened as a video"),
         (lambda p: _write(p / "broken.png", b"hello"), "cannot be read as an image"),
         (lambda p: "http://127.0.0.1:9/nothing", "cannot be opened as a video"),
+        (lambda p: "HTTP://127.0.0.1:9/nothing", "Connection refused|cannot be opened as a video"),
+        (lambda p: "tcp://127.0.0.1:9", "cannot be opened as a video"),
+        (lambda p: "foo://me:secret@host/x", r"foo://host/x begins with foo://; .*rtsp://.*srt://"),
+        (lambda p: "", "the source is empty"),
+        (lambda p: -1, "camera index is -1; expected 0"),
+        (lambda p: "-2", "camera index is -2; expected 0"),
+        (lambda p: "100", "camera index is 100; expected 0"),
+        (lambda p: 10**12, "camera index is 10+; expected 0"),
     ],
 )
 def test_what_cannot_be_opened_is_named(tmp_path, make, message):
@@ -263,6 +231,15 @@ def test_what_cannot_be_opened_is_named(tmp_path, make, message):
 def _write(path, content):
     path.write_bytes(content)
     return path
+
+
+@pytest.mark.parametrize("name", ["2024-05-01T12:30:00.mp4", "a:b.mp4", "http:x.mp4", "100%.mp4"])
+def test_a_name_with_a_colon_is_a_file(clip, tmp_path, monkeypatch, name):
+    clip.rename(tmp_path / name)
+    monkeypatch.chdir(tmp_path)
+    for spec in (name, Path(name), f"file://{tmp_path / name}".replace("%", "%25")):
+        with open_source(spec) as source:
+            assert numbers(source) == [(i, i) for i in range(20)]
 
 
 def test_a_start_past_the_end_is_refused(clip, tmp_path):

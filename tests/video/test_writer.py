@@ -1,4 +1,8 @@
+import errno
 import os
+import subprocess
+import sys
+from contextlib import nullcontext
 from fractions import Fraction
 
 import av
@@ -149,8 +153,113 @@ def test_an_unusable_frame_is_refused(tmp_path, image):
         ("v.mp4", 0, (64, 48), "unusable"),
         ("v.mp4", float("nan"), (64, 48), "unusable"),
         ("v.mp4", 25, (0, 48), "unusable"),
+        ("v.mp4", 25, (16385, 48), "16385 x 48 pixels; H.264 is written up to 16384 a side"),
+        ("v.mp4", 25, (48, 20000), "48 x 20000 pixels"),
     ],
 )
 def test_unusable_arguments_are_refused(tmp_path, name, fps, size, message):
     with pytest.raises(ValueError, match=message):
         VideoWriter(tmp_path / name, fps, size)
+
+
+@pytest.mark.parametrize(
+    ("fps", "times"),
+    [
+        (12, [0, 1 / 12, 0.5, 1.0, 1.5, 3.0]),
+        (Fraction(288, 53), [0, 0.083333, 0.166667, 1.0, 2.5, 3.0]),  # a rate that is a mean
+        (Fraction(30000, 1001), [5.0, 5.04, 5.041, 9.0]),  # the first frame is at 0
+        (25, [0, 3600.0, 36000.0]),
+    ],
+)
+@pytest.mark.parametrize("live", [False, True])
+def test_frames_have_the_times_that_they_were_given(tmp_path, fps, times, live):
+    with VideoWriter(tmp_path / "v.mp4", fps, (64, 48), live=live) as writer:
+        for time in times:
+            writer.write(np.zeros((48, 64, 3), np.uint8), time)
+    with open_source(tmp_path / "v.mp4") as source:
+        read = [frame.timestamp for frame in source]
+    np.testing.assert_allclose(read, np.array(times) - times[0], atol=1.1e-3)
+
+
+@pytest.mark.parametrize("fps", [24, Fraction(30000, 1001), 59.94])
+def test_times_rounded_to_milliseconds_keep_the_rate(tmp_path, fps):
+    rate = Fraction(fps).limit_denominator(100_000)
+    with VideoWriter(tmp_path / "v.mp4", fps, (64, 48)) as writer:
+        for index in range(30):
+            writer.write(np.zeros((48, 64, 3), np.uint8), round(float(index / rate), 3))
+    with av.open(str(tmp_path / "v.mp4")) as container:
+        assert container.streams.video[0].average_rate == rate
+
+
+def test_times_that_do_not_rise_are_made_to(tmp_path):
+    with VideoWriter(tmp_path / "v.mp4", 25, (64, 48)) as writer:
+        for time in (0.0, 0.04, 0.04, 0.03, 0.12):
+            writer.write(np.zeros((48, 64, 3), np.uint8), time)
+    with open_source(tmp_path / "v.mp4") as source:
+        read = [frame.timestamp for frame in source]
+    np.testing.assert_allclose(read, [0, 0.04, 0.041, 0.042, 0.12], atol=1e-3)
+
+
+@pytest.mark.parametrize("live", [False, True])
+def test_the_shape_of_pixels_is_passed_on(tmp_path, live):
+    path = tmp_path / "v.mp4"
+    with VideoWriter(path, 25, (64, 48), pixel_aspect=Fraction(16, 11), live=live) as writer:
+        writer.write(np.zeros((48, 64, 3), np.uint8))
+    with open_source(path) as source:
+        assert (source.size, source.pixel_aspect) == ((64, 48), Fraction(16, 11))
+
+
+def test_a_live_video_plays_where_the_process_is_killed_and_is_ordinary_at_the_end(tmp_path):
+    path = tmp_path / "v.mp4"
+    path.write_bytes(b"an older file")
+    code = (
+        "import os, sys, numpy as np\n"
+        "from re3.video import VideoWriter\n"
+        "with VideoWriter(sys.argv[1], 25, (64, 48), live=True) as writer:\n"
+        "    for index in range(60):\n"
+        "        writer.write(np.full((48, 64, 3), 4 * index, np.uint8))\n"
+        "    os.kill(os.getpid(), 9)\n"
+    )
+    assert subprocess.run([sys.executable, "-c", code, path], check=False).returncode == -9
+    with open_source(path) as source:
+        frames = list(source)
+    assert 30 < len(frames) < 60
+    levels = [frame.image.mean() for frame in frames]
+    np.testing.assert_allclose(levels, 4 * np.arange(len(frames)), atol=3)
+    assert list(tmp_path.iterdir()) == [path]
+
+    with VideoWriter(path, 25, (64, 48), live=True) as writer:
+        for index in range(60):
+            writer.write(np.full((48, 64, 3), 4 * index, np.uint8))
+    data = path.read_bytes()
+    assert b"moof" not in data
+    assert data.index(b"moov") < data.index(b"mdat")  # plays before it is there to its end
+    with open_source(path) as source:
+        assert (source.frame_count, len(list(source))) == (60, 60)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_live_video_without_frames_leaves_an_older_file(tmp_path):
+    path = tmp_path / "v.mp4"
+    path.write_bytes(b"an older file")
+    with VideoWriter(path, 25, (64, 48), live=True):
+        pass
+    assert path.read_bytes() == b"an older file"
+
+
+@pytest.mark.parametrize(("number", "error"), [(errno.ENOSPC, None), (errno.EIO, OSError)])
+def test_a_live_video_stays_fragmented_where_there_is_no_room_for_a_copy(
+    tmp_path, monkeypatch, number, error
+):
+    def fail(fragmented, whole):
+        whole.write_bytes(b"a part")
+        raise OSError(number, "fails")
+
+    monkeypatch.setattr("re3.video.writer._rewrite", fail)
+    path = tmp_path / "v.mp4"
+    writer = VideoWriter(path, 25, (64, 48), live=True)
+    with pytest.raises(error) if error else nullcontext(), writer:
+        writer.write(np.zeros((48, 64, 3), np.uint8))
+    with open_source(path) as source:
+        assert len(list(source)) == 1
+    assert list(tmp_path.iterdir()) == [path]

@@ -197,7 +197,7 @@ def _tell(study: Study) -> None:
 
 
 def _footage(source: str | None, box: str | None, size: str) -> Footage:
-    from re3.apps.track import parse_box
+    from re3.apps.track_options import parse_box
 
     wanted = None if size == "own" else _size(size)
     if source is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 import sys
+from collections.abc import Callable
 from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,11 +17,15 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from re3.apps.console import INTERRUPTED, failed, stderr
 from re3.apps.stopping import StopSignals
+from re3.apps.track_options import Span, parse_objects, parse_range
+from re3.apps.track_summary import Run, summarise
 from re3.apps.tracking import Box, Tracked, track_video
 from re3.engine import ENGINES
 from re3.models import DEFAULT_MODEL
 from re3.timed_tracker import TimedMultiTracker
 from re3.video import FirstFrameKept, VideoSource, VideoWriter, open_results, open_source
+from re3.video.grey_levels import Range
+from re3.video.results_base import IMAGE_FIELD
 
 BROKEN_SOURCE = 1
 BROKEN_PIPE = 141
@@ -28,20 +33,15 @@ BROKEN_PIPE = 141
 
 
 @dataclass(frozen=True)
-class _Run:
-    """What there is to tell of a run.
-
-    Attributes:
-        source: what was tracked, by name.
-        outcome: of the tracking.
-        written: files and the number of frames in each.
-        stopped: what asked to stop, if anything did.
-    """
+class _Request:
+    """What a run is asked for; the fields are the options of the command."""
 
     source: str
-    outcome: Tracked
-    written: dict[Path, int]
-    stopped: StopSignals
+    objects: dict[str, Box]
+    frames: Span
+    out: Path | None
+    results: str | None
+    value_range: Range | None
 
 
 def track(
@@ -80,6 +80,14 @@ def track(
     start_frame: Annotated[
         int, typer.Option(help="Frame in which the boxes are; those before are skipped.", min=0)
     ] = 0,
+    end_frame: Annotated[
+        int | None,
+        typer.Option(
+            help="Last frame that is tracked, counted from 0 in the source as --start-frame is.",
+            min=0,
+            show_default=False,
+        ),
+    ] = None,
     max_frames: Annotated[
         int | None,
         typer.Option(help="Stop after so many frames.", min=1, show_default=False),
@@ -97,6 +105,29 @@ def track(
             "--mirror/--no-mirror",
             help="Look at each crop mirrored as well: more accurate, half as fast. Default: as "
             "the model is made; re3-base does.",
+            show_default=False,
+        ),
+    ] = None,
+    threads: Annotated[
+        int,
+        typer.Option(
+            help="Threads of the network and of cutting crops; 0 takes one fewer than there are "
+            "cores, 4 at most.",
+            min=0,
+        ),
+    ] = 0,
+    search: Annotated[
+        bool,
+        typer.Option(
+            "--search/--no-search", help="Look for an object that is lost in a wider area."
+        ),
+    ] = True,
+    value_range: Annotated[
+        str | None,
+        typer.Option(
+            help="Lowest and highest value of 16-bit pixels, shown as black and white. Default: "
+            "all 16 bits, or the range of the first image where that is less than half of them.",
+            metavar="LOW,HIGH",
             show_default=False,
         ),
     ] = None,
@@ -134,17 +165,18 @@ def track(
     """
     console = stderr()
     try:
-        run = _run(
-            console,
+        request = _Request(
             source,
-            _parse_objects(boxes or [], objects or [], select),
-            start_frame,
-            max_frames,
-            model,
-            engine,
-            mirror,
+            parse_objects(boxes or [], objects or [], select),
+            Span.of_options(start_frame, end_frame, max_frames),
             out,
             results,
+            None if value_range is None else parse_range(value_range),
+        )
+        run = _run(
+            console,
+            request,
+            lambda: TimedMultiTracker(model, engine, threads=threads, search=search, mirror=mirror),
         )
     except BrokenPipeError:
         # `re3 track ... --results - | head`: not an error of ours, nor anything to say.
@@ -154,43 +186,39 @@ def track(
         raise typer.Exit(INTERRUPTED) from None
     except (ImportError, OSError, ValueError) as error:
         raise failed(error) from error
-    _summarise(console, run, told=results is not None)
+    summarise(console, run, told=results is not None)
     if run.outcome.interrupted:
         raise typer.Exit(run.stopped.exit_code)
-    if run.outcome.broken is not None:
+    if run.outcome.broken is not None or run.outcome.cut:
         raise typer.Exit(BROKEN_SOURCE)
 
 
-def _run(
-    console: Console,
-    spec: str,
-    objects: dict[str, Box],
-    start_frame: int,
-    max_frames: int | None,
-    model: str,
-    engine: str,
-    mirror: bool | None,
-    out: Path | None,
-    results: str | None,
-) -> _Run:
+def _run(console: Console, request: _Request, make_tracker: Callable[[], TimedMultiTracker]) -> Run:
+    spec, out = request.source, request.out
     if out is not None and out.exists() and Path(spec).exists() and out.samefile(spec):
         raise ValueError(f"--out {out} is the source itself; give another name")
-    rows = open_results(results) if results is not None else None
-    tracker = TimedMultiTracker(model, engine, mirror=mirror)
+    rows = open_results(request.results, live=True) if request.results is not None else None
+    tracker = make_tracker()
     with ExitStack() as stack:
-        frames = stack.enter_context(open_source(spec, start_frame=start_frame))
+        frames = stack.enter_context(
+            open_source(spec, start_frame=request.frames.first, value_range=request.value_range)
+        )
+        for note in frames.notes:
+            console.print(f"note: {note}", style="yellow", markup=False)
+        objects = request.objects
         if not objects:
             frames = FirstFrameKept(frames)
             objects = _select(console, frames)
-        video = VideoWriter(out, frames.fps, frames.size) if out is not None else None
+        video = _open_video(out, frames) if out is not None else None
         if rows is not None:
             rows.frame_size = frames.size
+            rows.extra_fields = (IMAGE_FIELD,) if frames.has_names else ()
         # Entered before the writers, so that it is still there while they complete their files.
         stopped = stack.enter_context(StopSignals())
         for writer in (video, rows):
             if writer is not None:
                 stack.enter_context(writer)
-        bar = _progress_bar(console, frames, start_frame, max_frames)
+        bar = _progress_bar(console, frames, request.frames)
         # Elsewhere than on a terminal even a disabled bar of Rich 13 prints an empty line.
         with bar if console.is_terminal else nullcontext():
             outcome = track_video(
@@ -199,8 +227,8 @@ def _run(
                 objects,
                 video,
                 rows,
-                max_frames,
-                lambda _, done: bar.update(bar.task_ids[0], completed=done.frames, fps=done.fps),
+                request.frames.count,
+                lambda _, done: _show(bar, done),
                 stopped,
             )
         stopped.finishing = True
@@ -209,7 +237,11 @@ def _run(
         written[out] = video.frames_written
     if rows is not None:
         written.update((path, rows.frames_written) for path in rows.paths)
-    return _Run(frames.name, outcome, written, stopped)
+    return Run(frames.name, outcome, written, stopped)
+
+
+def _open_video(out: Path, frames: VideoSource) -> VideoWriter:
+    return VideoWriter(out, frames.fps, frames.size, pixel_aspect=frames.pixel_aspect, live=True)
 
 
 def _select(console: Console, frames: FirstFrameKept) -> dict[str, Box]:
@@ -234,95 +266,30 @@ def _select(console: Console, frames: FirstFrameKept) -> dict[str, Box]:
     return objects
 
 
-def _progress_bar(
-    console: Console, frames: VideoSource, start_frame: int, max_frames: int | None
-) -> Progress:
+def _progress_bar(console: Console, frames: VideoSource, span: Span) -> Progress:
     """One line on a terminal, nothing elsewhere."""
-    total = None if frames.frame_count is None else frames.frame_count - start_frame
-    if max_frames is not None:
-        total = max_frames if total is None else min(total, max_frames)
+    total = None if frames.frame_count is None else frames.frame_count - span.first
+    if span.count is not None:
+        total = span.count if total is None else min(total, span.count)
     bar = Progress(
         TextColumn("{task.description}", markup=False),
         BarColumn(),
         TaskProgressColumn(show_speed=False),
-        TextColumn("{task.completed} of {task.total} frames" if total else "{task.completed}"),
+        TextColumn("{task.fields[count]}"),
         TextColumn("{task.fields[fps]:.0f} FPS"),
         TimeRemainingColumn(),
         console=console,
         transient=True,
     )
-    bar.add_task(f"tracking {frames.name}", total=total, fps=0.0)
+    bar.add_task(f"tracking {frames.name}", total=total, fps=0.0, count="")
     return bar
 
 
-def _summarise(console: Console, run: _Run, *, told: bool) -> None:
-    """Say what came of it; `told` if the boxes went anywhere."""
-    outcome = run.outcome
-
-    def say(text: str, style: str | None = None) -> None:
-        console.print(text, style=style, markup=False)
-
-    if outcome.interrupted:
-        say(f"stopped by {run.stopped.name} after {outcome.frames} frames", "yellow")
-    if outcome.broken is not None:
-        say(f"stopped early: {outcome.broken}", "yellow")
-    # Files cut to length announce a few frames more than they give.
-    if outcome.missing > max(2, 0.02 * outcome.frames):
-        say(
-            f"note: {run.source} announces {outcome.missing} frames more than it gave; "
-            "is it complete?",
-            "yellow",
-        )
-    for path, count in run.written.items():
-        say(f"{path}: {count} frames")
-    for result in outcome.last.values():
-        x, y, w, h = result.box_xywh
-        say(f"last box of {result.label}: {x:.1f},{y:.1f},{w:.1f},{h:.1f} ({result.status})")
-    counts = ", ".join(f"{status} {count}" for status, count in outcome.statuses.items())
-    say(f"{outcome.frames} frames; boxes by status: {counts}")
-    if outcome.updates:
-        crops, network = (
-            1000 * seconds / outcome.updates
-            for seconds in (outcome.crop_seconds, outcome.network_seconds)
-        )
-        whole = 1000 / outcome.fps
-        say(
-            f"tracking: {outcome.fps:.0f} FPS ({whole:.1f} ms a frame without decoding and "
-            f"encoding: crops {crops:.1f}, network {network:.1f}, rest "
-            f"{whole - crops - network:.1f})"
-        )
-    if not run.written and not told:
-        say("nothing was written; --out FILE.mp4 or --results FILE.csv keep the boxes")
-
-
-def _parse_objects(boxes: list[str], named: list[str], select: bool) -> dict[str, Box]:
-    """Name -> box, none to `select` them later; raises ValueError that says what was given."""
-    names = ["object"] if len(boxes) == 1 else [f"object-{i + 1}" for i in range(len(boxes))]
-    objects = {name: parse_box("--box", box) for name, box in zip(names, boxes, strict=True)}
-    for text in named:
-        name, equals, numbers = text.rpartition("=")
-        if not equals or not name.strip():
-            raise ValueError(f"--object {text!r} is not NAME=X,Y,W,H, such as car=10,20,80,40")
-        if name.strip() in objects:
-            raise ValueError(f"two objects are called {name.strip()!r}; give each its own name")
-        objects[name.strip()] = parse_box("--object", numbers)
-    if not objects and not select:
-        raise ValueError(
-            "no object to track; give its box in the first frame: --box X,Y,W,H "
-            "(left, top, width, height in pixels), or draw it: --select"
-        )
-    if objects and select:
-        raise ValueError("--select draws the boxes; leave out --box and --object")
-    return objects
-
-
-def parse_box(option: str, text: str) -> Box:
-    """Four numbers separated by commas; raises ValueError that names the option."""
-    try:
-        x, y, w, h = (float(part) for part in text.split(","))
-    except ValueError as error:
-        raise ValueError(
-            f"{option} {text!r} is not X,Y,W,H: four numbers, left, top, width and height in "
-            "pixels, separated by commas, such as 120,80,60,140"
-        ) from error
-    return x, y, w, h
+def _show(bar: Progress, done: Tracked) -> None:
+    """Bring the bar up to date; a total that was too low is dropped."""
+    task = bar.tasks[0]
+    if task.total is not None and done.frames > task.total:
+        bar.update(task.id, total=None)
+    of_total = "" if task.total is None else f" of {task.total:.0f}"
+    count = f"{done.frames}{of_total} frames"
+    bar.update(task.id, completed=done.frames, fps=done.fps, count=count)

@@ -46,6 +46,9 @@ class Tracked:
         interrupted: whether it was asked to stop.
         broken: why the source ended early, or None.
         missing: frames that the source announced, but did not give; 0 where it said nothing.
+        cut: whether those are surely missing, as far as headers can tell.
+        skipped: packets of the source that could not be decoded.
+        damaged: indices of frames that the decoder marked as corrupt.
     """
 
     frames: int = 0
@@ -58,6 +61,9 @@ class Tracked:
     interrupted: bool = False
     broken: str | None = None
     missing: int = 0
+    cut: bool = False
+    skipped: int = 0
+    damaged: list[int] = field(default_factory=list)
 
     @property
     def fps(self) -> float:
@@ -78,7 +84,8 @@ def track_video(
     """Track objects from the source's first frame on, writing as it goes.
 
     Frames of a file are read ahead, and those of the video encoded behind, in threads.
-    Ctrl-C and a source that breaks end the run; what was tracked until then stays written.
+    Ctrl-C and a source that breaks end the run; what was tracked until then stays written. Frames
+    of the video are shown at the times that they have in the source.
 
     Args:
         source: opened at the frame in which the boxes are.
@@ -96,41 +103,74 @@ def track_video(
     """
     outcome = Tracked()
     try:
-        with ExitStack() as stack:
-            frames: Iterable[Frame] = source
-            # What is live is taken as it comes: frames read ahead would be old ones.
-            if source.frame_count is not None:
-                frames = stack.enter_context(ReadAhead(source))
-            encoder = None if video is None else stack.enter_context(WriteBehind(video.write))
-            for frame in frames:
-                _follow(tracker, frame, objects, outcome)
-                found = list(outcome.last.values())
-                if results is not None:
-                    results.write(frame.index, frame.timestamp, found)
-                if encoder is not None:
-                    # Drawn here: encoding takes longer than all that goes before it.
-                    encoder.put(draw_results(frame.image, found))
-                outcome.frames += 1
-                if on_frame is not None:
-                    on_frame(frame, outcome)
-                if outcome.frames == max_frames:
-                    return outcome
-                if stop():
-                    outcome.interrupted = True
-                    return outcome
+        _track(source, tracker, objects, video, results, max_frames, on_frame, stop, outcome)
     except KeyboardInterrupt:
         outcome.interrupted = True
-        return outcome
     except SourceError as error:
         if outcome.frames == 0:
             raise
         outcome.broken = str(error)
-        return outcome
+    outcome.skipped = source.skipped
+    return outcome
+
+
+def _track(
+    source: VideoSource,
+    tracker: ObjectTracker,
+    objects: Mapping[str, Box],
+    video: VideoWriter | None,
+    results: ResultsWriter | None,
+    max_frames: int | None,
+    on_frame: Callable[[Frame, Tracked], None] | None,
+    stop: Callable[[], bool],
+    outcome: Tracked,
+) -> None:
+    """The loop; see `track_video`."""
+    with ExitStack() as stack:
+        frames: Iterable[Frame] = source
+        # What is live is taken as it comes: frames read ahead would be old ones.
+        if source.frame_count is not None:
+            frames = stack.enter_context(ReadAhead(source))
+        encoder = None
+        if video is not None:
+            encoder = stack.enter_context(WriteBehind(_write_to(video)))
+        for frame in frames:
+            _follow(tracker, frame, objects, outcome)
+            found = list(outcome.last.values())
+            if results is not None:
+                height, width = frame.image.shape[:2]
+                results.write(
+                    frame.index,
+                    frame.timestamp,
+                    found,
+                    image=frame.name,
+                    size=(width, height),
+                    damaged=frame.damaged,
+                )
+            if encoder is not None:
+                # Drawn here: encoding takes longer than all that goes before it.
+                encoder.put((draw_results(frame.image, found), frame.timestamp))
+            outcome.frames += 1
+            if frame.damaged:
+                outcome.damaged.append(frame.index)
+            if on_frame is not None:
+                on_frame(frame, outcome)
+            if outcome.frames == max_frames:
+                return
+            if stop():
+                outcome.interrupted = True
+                return
     if outcome.frames == 0:
         raise SourceError(f"{source.name} gave no frame; expected at least one")
-    if source.frame_count is not None:
-        outcome.missing = max(0, source.frame_count - (frame.index + 1))
-    return outcome
+    outcome.missing = source.missing_frames(frame)
+    outcome.cut = outcome.missing > 0 and source.length_is_certain
+
+
+def _write_to(video: VideoWriter) -> Callable[[tuple[NDArray[np.uint8], float]], None]:
+    def write(shown: tuple[NDArray[np.uint8], float]) -> None:
+        video.write(*shown)
+
+    return write
 
 
 def _follow(

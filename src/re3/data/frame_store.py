@@ -223,7 +223,7 @@ class FrameStore:
         return end
 
     def _decoded(self, source: Path, size: tuple[int, int]) -> Iterator[NDArray[np.uint8]]:
-        with open_source(source) as frames:
+        with open_source(source, skip_broken=False) as frames:
             for index, frame in enumerate(frames):
                 height, width = frame.image.shape[:2]
                 if (width, height) != frames.size:

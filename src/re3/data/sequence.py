@@ -164,7 +164,7 @@ class Sequence:
                 boxes do.
         """
         given = 0
-        with open_source(self.source, start_frame=self.start_frame) as frames:
+        with open_source(self.source, start_frame=self.start_frame, skip_broken=False) as frames:
             for given, frame in enumerate(frames, start=1):
                 yield frame.image
                 if given == len(self):

@@ -25,12 +25,16 @@ class Frame:
     Attributes:
         image: uint8 `[H, W, 3]` BGR.
         index: 0-based in the source, so that with `start_frame=30` the first is 30.
-        timestamp: seconds from the source's first frame.
+        timestamp: seconds from the source's first frame; never less than that of the frame before.
+        damaged: whether the decoder marked the image as corrupt: part of it is concealed.
+        name: of the image file, relative to the folder of the source; None of video.
     """
 
     image: NDArray[np.uint8]
     index: int
     timestamp: float
+    damaged: bool = False
+    name: str | None = None
 
 
 class VideoSource(ABC):
@@ -45,12 +49,37 @@ class VideoSource(ABC):
         size: width and height in pixels of the first frame delivered.
         frame_count: of the whole source, `start_frame` or not, where it is known, else None. Of a
             video file it is what the file says of itself, which may be an estimate.
+        pixel_aspect: width of a pixel divided by its height, as the source is to be shown. Boxes
+            and sizes are always in stored pixels.
+        notes: sentences on what is unusual about the source, for the user.
+        has_names: whether frames have a name.
     """
 
     name: str
     fps: Fraction
     size: tuple[int, int]
     frame_count: int | None
+    pixel_aspect: Fraction = Fraction(1)
+    notes: tuple[str, ...] = ()
+    has_names: bool = False
+
+    @property
+    def skipped(self) -> int:
+        """Packets left out so far because they cannot be decoded, usually one frame each."""
+        return 0
+
+    @property
+    def length_is_certain(self) -> bool:
+        """Whether the announced length is that of the video; a file's may be its sound's."""
+        return True
+
+    def missing_frames(self, last: Frame) -> int:
+        """Frames that the source announced and did not give.
+
+        Args:
+            last: the last frame that it gave.
+        """
+        return 0 if self.frame_count is None else max(0, self.frame_count - (last.index + 1))
 
     @abstractmethod
     def __iter__(self) -> Iterator[Frame]:
@@ -88,6 +117,8 @@ class FirstFrameKept(VideoSource):
     def __init__(self, source: VideoSource) -> None:
         self.name, self.fps = source.name, source.fps
         self.size, self.frame_count = source.size, source.frame_count
+        self.pixel_aspect, self.notes = source.pixel_aspect, source.notes
+        self.has_names = source.has_names
         self._source, self._rest = source, iter(source)
         first = next(self._rest, None)
         if first is None:
@@ -101,3 +132,17 @@ class FirstFrameKept(VideoSource):
     def close(self) -> None:
         """See `VideoSource`."""
         self._source.close()
+
+    @property
+    def skipped(self) -> int:
+        """See `VideoSource`."""
+        return self._source.skipped
+
+    @property
+    def length_is_certain(self) -> bool:
+        """See `VideoSource`."""
+        return self._source.length_is_certain
+
+    def missing_frames(self, last: Frame) -> int:
+        """See `VideoSource`."""
+        return self._source.missing_frames(last)

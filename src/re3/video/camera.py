@@ -11,6 +11,9 @@ import cv2
 
 from re3.video.base import Frame, SourceError, VideoSource
 
+MOST_CAMERAS = 100
+"""OpenCV takes an index from this on as the number of a backend as well."""
+
 
 class CameraSource(VideoSource):
     """A camera, by its index; timestamps are those of a clock, as frames may be missed.
@@ -24,6 +27,11 @@ class CameraSource(VideoSource):
     """
 
     def __init__(self, index: int, start_frame: int = 0) -> None:
+        if not 0 <= index < MOST_CAMERAS:
+            raise SourceError(
+                f"camera index is {index}; expected 0 for the first camera, up to "
+                f"{MOST_CAMERAS - 1}; a file of that name is given by its path, such as ./{index}"
+            )
         self.name = f"camera {index}"
         self.frame_count = None
         self._capture = _open_quietly(index)

@@ -17,11 +17,12 @@ class SeekableSource(ContainerSource):
     looks for a frame by the time stamp it had when it was counted.
     """
 
-    def __init__(self, location: str) -> None:
+    def __init__(self, location: str, *, skip_broken: bool = True) -> None:
         self._stamps: list[int | None] = []
         self._keyframes: list[int] = []
+        self._times: list[float] = []
         self._looked_for: int | None = None
-        super().__init__(location)
+        super().__init__(location, skip_broken=skip_broken)
 
     def go_back(self, index: int) -> bool:
         """Let the frame be the next, though it was given before.
@@ -60,3 +61,9 @@ class SeekableSource(ContainerSource):
                 if frame.key_frame:
                     self._keyframes.append(self._decoded)
             yield frame
+
+    def _timestamp(self, index: int, frame: av.VideoFrame) -> float:
+        # A frame that comes again keeps its time: the clock has gone on meanwhile.
+        if index == len(self._times):
+            self._times.append(super()._timestamp(index, frame))
+        return self._times[index]

@@ -1,7 +1,9 @@
-"""Video out: H.264 in MP4, written whole or not at all."""
+"""Video out: H.264 in MP4, written whole or not at all, or as the frames come."""
 
 from __future__ import annotations
 
+import errno
+import math
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -23,6 +25,16 @@ BT709 = 1
 LIMITED_RANGE = 1
 """FFmpeg's number of luma 16 to 235."""
 
+LONGEST_SIDE = 16384
+"""Pixels that x264 takes at most."""
+
+TICKS_PER_SECOND = 10_000
+"""Timestamps are kept at least this finely."""
+
+CLOCK_ERROR = 0.001
+"""Seconds that a timestamp may be off the frame rate and still be meant to keep it: Matroska rounds
+to milliseconds."""
+
 
 class VideoWriter:
     """Writes frames as H.264 yuv420p in MP4, which plays in a browser.
@@ -34,25 +46,53 @@ class VideoWriter:
     Args:
         path: of the .mp4 file; its folder is made if needed.
         fps: frames a second; a Fraction is kept exactly.
-        size: width and height in pixels. yuv420p has even sides only: an odd one gets one more
-            line at the right or bottom, a copy of the last.
+        size: width and height in pixels, up to 16,384. yuv420p has even sides only: an odd one gets
+            one more line at the right or bottom, a copy of the last.
+        pixel_aspect: width of a pixel divided by its height; players stretch the video by it.
+        live: write under the name from the first frame on, as fragmented MP4: where the process is
+            killed, the file plays, but for a dozen frames that the encoder still had. An older
+            file is lost with the first frame. When the block ends, it becomes an ordinary MP4,
+            if there is room for a copy.
 
     Raises:
-        ValueError: another ending than .mp4, or an unusable frame rate or size.
+        ValueError: another ending than .mp4, or an unusable frame rate, size or pixel aspect.
         OSError: while it is used: the file cannot be written.
     """
 
-    def __init__(self, path: str | Path, fps: float | Fraction, size: tuple[int, int]) -> None:
+    def __init__(
+        self,
+        path: str | Path,
+        fps: float | Fraction,
+        size: tuple[int, int],
+        *,
+        pixel_aspect: Fraction = Fraction(1),
+        live: bool = False,
+    ) -> None:
         self.path = Path(path)
         self.frames_written = 0
         if self.path.suffix.lower() != ".mp4":
             raise ValueError(f"video {self.path} does not end in .mp4, the one format written")
         if self.path.is_dir():
             raise ValueError(f"video {self.path} is a folder; expected the path of a file")
-        if not fps > 0 or min(size) <= 0:
-            raise ValueError(f"frame rate {fps} and size {size} are unusable; expected above 0")
+        if not fps > 0 or min(size) <= 0 or not pixel_aspect > 0:
+            raise ValueError(
+                f"frame rate {fps}, size {size} and pixel aspect {pixel_aspect} are unusable; "
+                "expected above 0"
+            )
+        if max(size) > LONGEST_SIDE:
+            raise ValueError(
+                f"video {self.path} would have {size[0]} x {size[1]} pixels; H.264 is written up "
+                f"to {LONGEST_SIDE} a side: leave the video out, or shrink the frames"
+            )
         self.size = size
+        self._pixel_aspect = pixel_aspect
+        self._live = live
         self._rate = Fraction(fps).limit_denominator(100_000)
+        # A whole number of ticks for each frame, and for each second.
+        self._scale = math.ceil(TICKS_PER_SECOND / self._rate.numerator)
+        self._time_base = Fraction(1, self._rate.numerator * self._scale)
+        self._first_timestamp: float | None = None
+        self._pts = 0
         self._partial: PartialFile | None = None
         self._within = False
         self._reformatter = VideoReformatter()
@@ -61,12 +101,14 @@ class VideoWriter:
         self._within = True
         return self
 
-    def write(self, image: NDArray[np.uint8]) -> None:
+    def write(self, image: NDArray[np.uint8], timestamp: float | None = None) -> None:
         """Append a frame.
 
         Args:
             image: uint8 `[H, W, 3]` BGR. Of another size than the writer's it is scaled to fit,
                 with black bars where its shape differs.
+            timestamp: in seconds, for footage of variable frame rate; the first frame is shown at
+                once, whatever its timestamp. None: one frame interval after the frame before.
 
         Raises:
             ValueError: another array than that.
@@ -93,8 +135,8 @@ class VideoWriter:
             frame = self._reformatter.reformat(
                 frame, format="yuv420p", dst_colorspace=BT709, dst_color_range=LIMITED_RANGE
             )
-            frame.pts = self.frames_written
-            frame.time_base = 1 / self._rate
+            self._pts = self._next_pts(timestamp)
+            frame.pts, frame.time_base = self._pts, self._time_base
             for packet in self._stream.encode(frame):
                 self._container.mux(packet)
         except FFmpegError as error:
@@ -117,15 +159,53 @@ class VideoWriter:
                     self._container.mux(packet)
             self._container.close()
             if self.frames_written:
-                partial.commit()
+                self._complete(partial)
         except FFmpegError as failure:
             raise self._failure(failure) from failure
         finally:
-            partial.discard()
+            if not self._live or not self.frames_written:
+                partial.discard()
+
+    def _complete(self, partial: PartialFile) -> None:
+        """Let the file appear; of a live one put the ordinary form in its place."""
+        if not self._live:
+            partial.commit()
+            return
+        whole = PartialFile(self.path)
+        try:
+            _rewrite(partial.path, whole.path)
+            whole.commit()
+        except OSError as error:
+            # All frames are there already, in the fragmented form.
+            if error.errno != errno.ENOSPC:
+                raise
+        finally:
+            whole.discard()
+
+    def _next_pts(self, timestamp: float | None) -> int:
+        """The time of the next frame, in ticks; later than that of the frame before."""
+        interval = self._rate.denominator * self._scale
+        if self.frames_written == 0:
+            self._first_timestamp = timestamp
+            return 0
+        if timestamp is None or self._first_timestamp is None:
+            return self._pts + interval
+        seconds = timestamp - self._first_timestamp
+        tolerance = CLOCK_ERROR / self._time_base
+        pts = round(seconds / self._time_base)
+        on_rate = interval * round(pts / interval)
+        if abs(on_rate - pts) <= tolerance:
+            pts = on_rate
+        return max(pts, self._pts + math.ceil(tolerance))
 
     def _open(self) -> PartialFile:
-        partial = PartialFile(self.path)
+        partial = PartialFile(self.path, under_its_name=self._live)
         options = {"movflags": "+faststart"}
+        if self._live:
+            options = {
+                "movflags": "+frag_every_frame+delay_moov+default_base_moof",
+                "flush_packets": "1",
+            }
         self._container = av.open(str(partial.path), "w", format="mp4", options=options)
         self._stream = self._container.add_stream("libx264", rate=self._rate)
         self._stream.width = self.size[0] + self.size[0] % 2
@@ -133,6 +213,8 @@ class VideoWriter:
         self._stream.pix_fmt = "yuv420p"
         self._stream.options = {"preset": "veryfast", "crf": "20"}
         context = self._stream.codec_context
+        context.time_base = self._time_base
+        context.sample_aspect_ratio = self._pixel_aspect.limit_denominator(1000)
         # One more for each core makes a video alone sooner, but not one that is tracked meanwhile.
         context.thread_count = spare_cores()
         context.colorspace = context.color_primaries = context.color_trc = BT709
@@ -144,6 +226,21 @@ class VideoWriter:
             f"video {self.path} cannot be written: {error.strerror or error} "
             f"(after {self.frames_written} frames)"
         )
+
+
+def _rewrite(fragmented: Path, whole: Path) -> None:
+    """Copy the packets of a video into an MP4 with its index in front."""
+    options = {"movflags": "+faststart"}
+    with (
+        av.open(str(fragmented)) as source,
+        av.open(str(whole), "w", format="mp4", options=options) as target,
+    ):
+        stream = source.streams.video[0]
+        copied = target.add_stream_from_template(stream)
+        for packet in source.demux(stream):
+            if packet.dts is not None:  # the last, empty one has none
+                packet.stream = copied
+                target.mux(packet)
 
 
 def _fit(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:

@@ -13,8 +13,8 @@ import pytest
 from re3.apps.server.decoder import Decoder
 from re3.apps.server.limits import Limits, OverLimitError
 from re3.apps.server.remote_video import DecoderError, RemoteVideo
-from re3.apps.server.sniffing import kind_of
 from re3.video import SourceError, VideoWriter, open_source
+from re3.video.file_kinds import kind_of
 from re3.video.seeking import SeekableSource
 
 CLIP = Path(__file__).parents[3] / "examples" / "clips" / "person.mp4"
@@ -160,6 +160,29 @@ def test_pictures_may_come_while_they_are_read(remote, tmp_path):
         remote.read(3)
 
 
+@pytest.mark.parametrize("name", ["a.gif", "a.tif", "a.webp", "a.png"])
+def test_all_frames_of_an_image_file_are_read_as_by_the_command(remote, tmp_path, name):
+    path = tmp_path / name
+    images = [np.full((24, 32, 3), 20 + 30 * index, np.uint8) for index in range(5)]
+    if name == "a.tif":
+        cv2.imwritemulti(str(path), images)
+    elif not hasattr(cv2, "Animation"):
+        pytest.skip("this OpenCV is older than 4.11 and writes no animations")
+    else:
+        made = cv2.Animation()
+        made.frames = [np.dstack([each, np.full((24, 32), 255, np.uint8)]) for each in images]
+        made.durations = [80] * 5
+        cv2.imwriteanimation(str(path), made)
+    remote.open(path)
+    with open_source(path) as source:
+        for frame in source:
+            read = remote.read(frame.index)
+            assert read.timestamp == frame.timestamp
+            np.testing.assert_array_equal(read.image, frame.image)
+    assert remote.read(5) is None
+    assert round((remote.read(1).image.mean() - 20) / 30) == 1
+
+
 def test_large_frames_and_long_videos_are_refused(remote, tmp_path):
     write_clip(tmp_path / "large.mp4", 2, (640, 802))
     with pytest.raises(OverLimitError, match=r"640 x 802 .*800 x 600 .*--max-resolution"):
@@ -207,6 +230,12 @@ def test_a_frame_that_crashes_the_decoder_is_the_end(remote):
         ((b"G" + bytes(187)) * 3, "video"),
         (b"G" + bytes(399), None),
         (b"\x89PNG\r\n\x1a\n", "picture"),
+        (b"GIF89a", "video"),
+        (b"II*\x00", "picture"),
+        (b"MM\x00+", "picture"),
+        (b"BM\x36\x10\x0e\x00\x00\x00\x00\x00", "picture"),
+        (b"BM is no picture", None),
+        ((b"\x00\x00\x00\x00G" + bytes(187)) * 2, "video"),  # M2TS
         (b"<html>", None),
         (b"v=0\r\no=- 0 0 IN IP4", None),
     ],

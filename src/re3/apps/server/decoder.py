@@ -27,11 +27,11 @@ import av
 import numpy as np
 
 from re3.apps.server.limits import Limits, OverLimitError
-from re3.apps.server.sniffing import EXPECTED, PICTURE, kind_of_file
 from re3.apps.server.wire import Head, read_message, write_message
 from re3.video import Frame, SourceError, VideoSource
 from re3.video.containers import ContainerSource
-from re3.video.images import ImageSource, read_image, sorted_images
+from re3.video.file_kinds import EXPECTED, PICTURE, kind_of_file
+from re3.video.images import open_image, read_image, sorted_images
 from re3.video.seeking import SeekableSource
 
 MEMORY_LIMIT = 4 << 30
@@ -169,10 +169,14 @@ class Decoder:
         """Refuse by what the header says, before a single frame is decoded."""
         if kind_of_file(path) is None:
             raise SourceError(f"the file is not one that can be tracked in; expected {EXPECTED}")
-        with suppress(av.error.FFmpegError), av.open(str(path)) as container:
+        with (
+            suppress(av.error.FFmpegError),
+            av.open(str(path), metadata_errors="replace") as container,
+        ):
             if container.streams.video:
                 stream = container.streams.video[0]
-                self._limits.check_size(stream.codec_context.width, stream.codec_context.height)
+                if stream.codec_context is not None:
+                    self._limits.check_size(stream.codec_context.width, stream.codec_context.height)
             if container.duration is not None:
                 self._limits.check_duration(container.duration / av.time_base)
 
@@ -201,7 +205,7 @@ class Decoder:
             self._source.close()
         source: VideoSource
         if kind_of_file(self._path) == PICTURE:
-            source = ImageSource("the picture", [self._path], start)
+            source = open_image(self._path, start)
         else:
             path = str(self._path)
             source = SeekableSource(path) if self._by_keyframes else ContainerSource(path, start)

@@ -134,7 +134,7 @@ def _check_sequence(sequence: Sequence, source: _Source) -> Finding:
 
 def _look_at(path: Path, decode: bool) -> _Source:
     try:
-        with open_source(path) as source:
+        with open_source(path, skip_broken=False) as source:
             size = source.size
             # What a video file says of its length may be an estimate.
             count = source.frame_count if path.is_dir() else None
