@@ -202,6 +202,6 @@ def test_real_clips(shared_data):
     assert [s.name for s in davis][:3] == ["blackswan", "bmx-trees", "breakdance"]
     assert len(davis) == 20
     assert davis[0].boxes_xywh[1].tolist() == [129.0, 70.0, 383.0, 312.0]
-    tracks = read_folder(shared_data / "train" / "multi" / "mot15")
+    tracks = read_folder(shared_data / "val" / "mot")
     assert all(s.annotated[0] and s.annotated[-1] for s in tracks)
     assert {s.label for s in tracks} == {"person"}
