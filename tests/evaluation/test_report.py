@@ -176,8 +176,8 @@ def test_the_length_of_a_sequence_is_not_the_number_of_annotated_frames(sequence
         "| sequence | frames | good | bad |",
         "| b | 2 | 0.476 | 0.476 x |",  # a failure is marked
         "## two: 1 sequence, ope",
-        "| good | 0.952 | 1.000 | 1.000 | - | - | - | - | - |",  # nobody failed, no column
-        "| c | 1 | 1.000 | 1.000 |",
+        "| good | - | - | - | - | - | - | - | - |",  # nobody failed, no column
+        "| c | 1 | - | - |",  # nothing to compare with beside the box given
         "- bad failed on b, frame 1: update raised; the frames from there on count as missed",
     ],
 )
@@ -316,7 +316,9 @@ def test_repetitions_are_printed_with_their_spread(sequence_of):
 
 def test_notes_name_failures_reused_results_and_what_ran_side_by_side(run):
     said = notes(replace(run, jobs=3))
-    assert len(said) == 3
+    assert len(said) == 4
     assert said[0].startswith("bad failed on b, frame 1")
-    assert said[1].startswith("1 of 1 results of good on two were taken")
-    assert said[2].startswith("3 sequences ran at the same time")
+    assert said[1].startswith("1 sequence has truth in the frame of the start alone")
+    assert said[1].endswith("left out of the figures: c")
+    assert said[2].startswith("1 of 1 results of good on two were taken")
+    assert said[3].startswith("3 sequences ran at the same time")

@@ -12,8 +12,9 @@ import typer
 from re3.apps.console import INTERRUPTED, failed, stderr
 from re3.apps.evaluate_bars import Bars
 from re3.apps.evaluate_tables import show_run, show_trackers
-from re3.apps.options import PeersOption, SequencesOption
+from re3.apps.options import PeersOption, SequencesOption, ShortTruthOption
 from re3.apps.sequences import FORMAT_HELP, choose_sequences, read_sequences
+from re3.data.lengths import check_lengths
 from re3.evaluation.environment import Environment
 from re3.evaluation.peers import FIRST_BOX, available_trackers, find_tracker
 from re3.evaluation.protocols import DEFAULT_STACK, PROTOCOLS, find_protocol
@@ -145,6 +146,7 @@ def evaluate(
         ),
     ] = TIMEOUT,
     sequences: SequencesOption = None,
+    short_truth: ShortTruthOption = False,
     peers: PeersOption = None,
     json_file: Annotated[
         Path | None,
@@ -188,6 +190,8 @@ def evaluate(
                 "is started again. Take ope or imagenet-vid"
             )
         chosen = choose_sequences(read_sequences(data or [], format_name), sequences)
+        if not short_truth:
+            check_lengths(chosen)
         if chosen_protocol.prepare is not None:
             chosen = chosen_protocol.prepare(chosen)
         trackers = [find_tracker(name, peers) for name in _asked(tracker or [], model)]

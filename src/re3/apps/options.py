@@ -28,3 +28,12 @@ SequencesOption = Annotated[
         show_default=False,
     ),
 ]
+
+ShortTruthOption = Annotated[
+    bool,
+    typer.Option(
+        "--short-truth",
+        help="Score clips whose annotation ends before they do over the frames that have a line; "
+        "without, they are refused.",
+    ),
+]

@@ -15,8 +15,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.table import Table
 
 from re3.apps.console import INTERRUPTED, failed, stderr
-from re3.apps.options import PeersOption, SequencesOption
+from re3.apps.options import PeersOption, SequencesOption, ShortTruthOption
 from re3.apps.sequences import choose_sequences, read_sequences
+from re3.data.lengths import check_lengths
 from re3.data.sequence import Sequence
 from re3.evaluation.peers import FIRST_BOX, find_tracker
 from re3.evaluation.vot import STACKS, VotScores, VotStack, score_vot
@@ -87,6 +88,7 @@ def vot(
             show_default=False,
         ),
     ] = None,
+    short_truth: ShortTruthOption = False,
     peers: PeersOption = None,
     report: Annotated[
         bool, typer.Option("--report", help="Write the toolkit's HTML report as well.")
@@ -107,6 +109,8 @@ def vot(
         version = check_toolkit()
         chosen_stack = _stack(stack, repetitions, interval)
         chosen = _complete(choose_sequences(read_sequences(data), sequences))
+        if not short_truth:
+            check_lengths(chosen)
         asked = _trackers(tracker or [DEFAULT_MODEL, FIRST_BOX], peers)
         write_config(workspace, chosen_stack)
         named = _write_sequences(workspace, chosen)

@@ -19,7 +19,7 @@ class SequenceResult:
         sequence: what it ran on.
         track: what it gave.
         scores: how good that is in one pass; undefined (NaN) where the tracker was started again,
-            and where the failure is not its own.
+            where the failure is not its own, and where no frame but that of the start has truth.
         reused: read back from an earlier run's files; its times are of that run.
         supervised: the same with the failures and restarts, where the protocol has them.
         repeat: which repetition of the run it is of, from 0.
@@ -46,11 +46,16 @@ class SequenceResult:
         if isinstance(given, SupervisedTrack):
             track = given.as_track()
             return cls(tracker, sequence, track, Scores.undefined(), reused, given, repeat)
-        if given.unscored:
+        if given.unscored or int(sequence.annotated.sum()) < 2:
             scores = Scores.undefined()
         else:
             scores = score(given.boxes_xywh, sequence.boxes_xywh)
         return cls(tracker, sequence, given, scores, reused, None, repeat)
+
+    @property
+    def comparable(self) -> bool:
+        """There is truth beside the box that the tracker was given."""
+        return int(self.sequence.annotated.sum()) > 1
 
 
 Group = tuple[str, str]

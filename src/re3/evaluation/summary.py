@@ -159,6 +159,7 @@ def notes(run: Run) -> list[str]:
             meaning = "counted as a failure there, and not started again"
         name, failure = result.sequence.name, result.track.failure
         said.append(f"{result.tracker} failed on {name}, {failure}; {meaning}")
+    said += _without_truth(run)
     said += _reused(run.results)
     if not run.timing_is_comparable:
         said.append(
@@ -166,6 +167,22 @@ def notes(run: Run) -> list[str]:
             "be those of a tracker that has the machine to itself; measure them with --jobs 1"
         )
     return said
+
+
+def _without_truth(run: Run) -> list[str]:
+    """What to say of sequences that have truth in the frame of the start alone."""
+    if not run.protocol.one_pass or run.protocol.pools_boxes:
+        return []
+    names = [result.sequence.name for result in run.results if not result.comparable]
+    names = list(dict.fromkeys(names))
+    if not names:
+        return []
+    return [
+        f"{len(names)} sequence{'s have' if len(names) > 1 else ' has'} truth in the frame of the "
+        "start alone, so that there is nothing to compare with; left out of the figures: "
+        f"{', '.join(names[:5])}"
+        + (" ..." if len(names) > 5 else "")
+    ]
 
 
 def _reused(results: list[SequenceResult]) -> list[str]:

@@ -11,7 +11,8 @@ import json
 from functools import partial
 from pathlib import Path
 
-from re3.data.formats.files import dataset_name, lines_of
+from re3.data.formats.files import dataset_name, needed
+from re3.data.json_tracks import text_lines
 from re3.data.masks import MaskImage
 from re3.data.still_formats.picture import Picture, PictureEntry, boxes_array
 
@@ -31,13 +32,13 @@ def entries(folder: Path) -> list[PictureEntry]:
 
     Raises:
         FileNotFoundError: no index in the folder.
-        ValueError: it is empty, or not UTF-8.
+        ValueError: it is not UTF-8.
     """
     index = folder / INDEX_NAME
-    lines = lines_of(index, "a line of JSON for each picture")
+    needed(index, "a line of JSON for each picture")
     return [
         PictureEntry(f"{INDEX_NAME}, line {number}", partial(_read, folder, number, line))
-        for number, line in enumerate(lines, start=1)
+        for number, line in text_lines(index)
     ]
 
 
