@@ -37,3 +37,14 @@ ShortTruthOption = Annotated[
         "without, they are refused.",
     ),
 ]
+
+IntervalOption = Annotated[
+    str | None,
+    typer.Option(
+        "--interval",
+        help="Shortest and longest length in frames that VOT's EAO averages over, instead of the "
+        "challenge's; for sequences shorter than those of the challenge.",
+        metavar="LOW,HIGH",
+        show_default=False,
+    ),
+]

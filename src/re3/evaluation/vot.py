@@ -20,6 +20,11 @@ trajectories to the same figures; its conventions, which the papers leave open:
   start (frame 0, the start, has none), and EAO is the mean of the curve from `low` to `high`, both
   included, or as far as the curve goes. Where it ends before `low` there is no EAO (NaN).
 
+* The expected overlap on occluded frames is that of the challenges' MATLAB toolkit
+  (`estimate_expected_overlap` with the label `occlusion`): the same fragments, each weighted by the
+  share of its frames that are marked, from its start up to the next one. Of a run without a failure
+  only the frames up to `high` are looked at. 0.9.0 has no such analysis.
+
 The toolkit knows no frame without truth: it would call each a failure. Here such frames count
 neither for accuracy nor in a fragment.
 """
@@ -28,7 +33,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence as List
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -43,6 +48,7 @@ __all__ = [
     "VotScores",
     "VotStack",
     "expected_overlap_curve",
+    "find_stack",
     "pixel_overlaps",
     "score_vot",
 ]
@@ -102,6 +108,33 @@ STACKS = {
 """The challenges with a supervised experiment, with the figures of vot-toolkit 0.9.0."""
 
 
+def find_stack(name: str, interval: str | None = None, repetitions: int | None = None) -> VotStack:
+    """A challenge by name, with settings of one's own in place of its own.
+
+    Args:
+        name: one of `STACKS`.
+        interval: `LOW,HIGH`, the shortest and the longest length that EAO averages over.
+        repetitions: runs of each sequence.
+
+    Raises:
+        ValueError: no such challenge, or a setting that cannot be.
+    """
+    if name not in STACKS:
+        raise ValueError(f"no VOT challenge {name!r}; expected one of {', '.join(STACKS)}")
+    stack = STACKS[name]
+    if repetitions is not None:
+        stack = replace(stack, repetitions=repetitions)
+    if interval is not None:
+        try:
+            low, high = (int(part) for part in interval.split(","))
+        except ValueError:
+            raise ValueError(
+                f"--interval {interval!r} is not LOW,HIGH; expected two whole numbers"
+            ) from None
+        stack = replace(stack, interval=(low, high))
+    return stack
+
+
 @dataclass(frozen=True, eq=False)
 class VotRuns:
     """All runs of one tracker on one sequence.
@@ -113,6 +146,7 @@ class VotRuns:
         runs: one or more, each of T frames.
         polygons: of each frame the truth's polygon `[P, 2]`, None where the truth is the box; None
             where all are boxes.
+        occluded: `[T]`, the frames marked as occluded; None where nothing is marked.
 
     Raises:
         ValueError: no run, one of another length, or one whose frames could not be read.
@@ -123,6 +157,7 @@ class VotRuns:
     size: tuple[int, int]
     runs: List[SupervisedTrack]
     polygons: Polygons | None = None
+    occluded: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         if not self.runs:
@@ -163,6 +198,8 @@ class VotScores:
         failures: failures over all sequences.
         eao: expected average overlap, 0..1; NaN without interval or where the curve is too short.
         curve: `[L]`, expected average overlap over sequences of t frames.
+        eao_occluded: expected average overlap on occluded frames; NaN as `eao`, and where no frame
+            is marked as occluded.
     """
 
     accuracy: float
@@ -171,6 +208,7 @@ class VotScores:
     failures: float
     eao: float
     curve: Floats
+    eao_occluded: float = float("nan")
 
 
 def score_vot(sequences: List[VotRuns], stack: VotStack) -> VotScores:
@@ -189,40 +227,72 @@ def score_vot(sequences: List[VotRuns], stack: VotStack) -> VotScores:
     accuracies, failures = np.array([_accuracy_and_failures(s, stack) for s in sequences]).T
     robustness = float(np.average(failures, weights=frames))
     curve = expected_overlap_curve(sequences)
-    eao = float("nan")
-    if stack.interval is not None and len(curve) > stack.interval[0]:
-        eao = float(curve[stack.interval[0] : stack.interval[1] + 1].mean())
+    longest = len(curve) if stack.interval is None else stack.interval[1]
+    occluded = expected_overlap_curve(sequences, occluded_up_to=longest)
     return VotScores(
         accuracy=float(np.average(accuracies, weights=frames)),
         robustness=robustness,
         reliability=math.exp(-robustness / frames.mean() * stack.sensitivity),
         failures=float(failures.sum()),
-        eao=eao,
+        eao=_mean_over(curve, stack),
         curve=curve,
+        eao_occluded=_mean_over(occluded, stack),
     )
 
 
-def expected_overlap_curve(sequences: List[VotRuns]) -> Floats:
+def _mean_over(curve: Floats, stack: VotStack) -> float:
+    """The mean of a curve over the stack's interval; NaN where either is missing."""
+    if stack.interval is None or len(curve) <= stack.interval[0]:
+        return math.nan
+    return float(curve[stack.interval[0] : stack.interval[1] + 1].mean())
+
+
+def expected_overlap_curve(sequences: List[VotRuns], occluded_up_to: int | None = None) -> Floats:
     """The expected average overlap after t frames, `[L]`, L the length of the longest fragment.
 
     The toolkit sums in float32; this in float64, and they differ by about 1e-7.
+
+    Args:
+        sequences: runs on each.
+        occluded_up_to: of occluded frames: fragments count by their share of marked frames, of a
+            run without a failure by that of the frames up to this one. None: all count alike.
+
+    Returns:
+        the curve; empty without a fragment, NaN where all that are as long have the weight 0.
     """
-    fragments: list[Floats] = []
-    lost: list[bool] = []
+    fragments: list[_Fragment] = []
     for sequence in sequences:
         for run, overlaps in zip(sequence.runs, sequence.overlaps, strict=True):
-            _cut(run, overlaps, fragments, lost)
+            fragments += _cut(run, overlaps, sequence.occluded, occluded_up_to)
     if not fragments:
         return np.empty(0)
-    lengths = np.array([len(fragment) for fragment in fragments])
+    lengths = np.array([len(fragment.overlaps) for fragment in fragments])
     columns = np.arange(lengths.max())
     inside = columns < lengths[:, None]
     table = np.zeros(inside.shape)
-    table[inside] = np.concatenate(fragments)
+    table[inside] = np.concatenate([fragment.overlaps for fragment in fragments])
     # Frame 0 is that of the start: its overlap is 0, and the means are over the frames after it.
     means = np.cumsum(table, axis=1) / np.maximum(columns, 1)
-    counts = inside | np.array(lost)[:, None]
-    return (means * counts).sum(axis=0) / counts.sum(axis=0)
+    counts = inside | np.array([fragment.lost for fragment in fragments])[:, None]
+    weights = counts * np.array([fragment.weight for fragment in fragments])[:, None]
+    total = weights.sum(axis=0)
+    unknown = np.full(len(total), np.nan)
+    return np.divide((means * weights).sum(axis=0), total, out=unknown, where=total > 0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Fragment:
+    """A stretch of a run, from a start to the frame before a failure or to the end.
+
+    Attributes:
+        overlaps: of its frames, those without truth left out.
+        lost: it ended in a failure.
+        weight: how much it counts.
+    """
+
+    overlaps: Floats
+    lost: bool
+    weight: float
 
 
 def _accuracy_and_failures(sequence: VotRuns, stack: VotStack) -> tuple[float, float]:
@@ -238,15 +308,28 @@ def _accuracy_and_failures(sequence: VotRuns, stack: VotStack) -> tuple[float, f
     return float(np.mean(accuracies)), float(np.mean(failures))
 
 
-def _cut(run: SupervisedTrack, overlaps: Floats, fragments: list[Floats], lost: list[bool]) -> None:
-    """Append the fragments of a run, and whether each ended in a failure."""
+def _cut(
+    run: SupervisedTrack,
+    overlaps: Floats,
+    occluded: NDArray[np.bool_] | None,
+    occluded_up_to: int | None,
+) -> list[_Fragment]:
+    """The fragments of a run; of the last two arguments see `expected_overlap_curve`."""
     starts = np.flatnonzero(run.steps == Step.STARTED)
     ends = np.flatnonzero(run.steps == Step.FAILED)
     # A tracker that crashed as it was started failed in a frame without start.
     if len(ends) > len(starts):
         starts = np.sort(np.append(starts, ends[-1]))
+    fragments = []
     for number, start in enumerate(starts):
         failed = number < len(ends)
-        fragment = overlaps[start : ends[number] if failed else len(overlaps)]
-        fragments.append(fragment[~np.isnan(fragment)])
-        lost.append(failed)
+        overlap = overlaps[start : ends[number] if failed else len(overlaps)]
+        weight = 1.0
+        if occluded_up_to is not None:
+            # The next start belongs to it, as in the toolkit.
+            until = starts[number + 1] + 1 if number + 1 < len(starts) else len(overlaps)
+            if not len(ends):
+                until = min(until, start + occluded_up_to)
+            weight = 0.0 if occluded is None else float(occluded[start:until].mean())
+        fragments.append(_Fragment(overlap[~np.isnan(overlap)], failed, weight))
+    return fragments
