@@ -1,6 +1,7 @@
 """The figures of a run as text: Markdown, JSON, CSV, and tables for a terminal."""
 
 import csv
+import io
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -301,6 +302,26 @@ def test_brackets_in_a_name_are_printed(run):
     with console.capture() as capture:
         console.print(*console_tables(replace(run, results=named)))
     assert "[bold]a" in capture.get()
+
+
+def test_names_are_no_markup_in_markdown_and_no_formulas_in_csv(sequence_of):
+    name = "a|b <script> *x* [y](z) `c` _d_ e_f"
+    sequence = sequence_of([BOX] * 2, name, "=cmd|'/c calc'!A1")
+    run = replace(
+        run_of([one_pass("@SUM(1)", sequence, [BOX, FAR], failure="frame 1: <b> raised")]),
+        command="re3 eval `rm`",
+    )
+    text = to_markdown(run)
+    shown = r"a\|b \<script> \*x\* \[y\](z) \`c\` \_d\_ e_f"
+    assert f"| {shown} | 2 |" in text
+    assert r"## =cmd\|'/c calc'!A1: 1 sequence, ope" in text
+    assert r"frame 1: \<b> raised" in text
+    assert "- command: `` re3 eval `rm` ``" in text
+    (row,) = csv.DictReader(io.StringIO(results_csv(run)))
+    assert (row["dataset"], row["tracker"]) == ("'=cmd|'/c calc'!A1", "'@SUM(1)")
+    assert row["sequence"] == name
+    # Numbers are numbers.
+    assert float(row["p95_seconds"]) > 0
 
 
 def test_repetitions_are_printed_with_their_spread(sequence_of):

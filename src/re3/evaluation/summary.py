@@ -22,7 +22,7 @@ class TrackerRow:
         sequences: how many were run, each counted once.
         failed: how many runs broke off.
         figures: of the protocol.
-        fps: one over the median time of an update.
+        fps: updates over the time that all of them took.
         latency: percentiles of that time.
         decode_seconds: median time to read a frame.
         parts: where the time of a frame goes.

@@ -16,6 +16,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, Self
 
+from re3.csv_text import csv_text
 from re3.result import Result
 from re3.video.partial import PartialFile
 
@@ -145,7 +146,7 @@ def _csv_text(rows: list[Row], header: bool) -> str:
     writer = csv.DictWriter(text, FIELDS, lineterminator="\n")
     if header:
         writer.writeheader()
-    writer.writerows(rows)
+    writer.writerows({**row, "object": csv_text(row["object"])} for row in rows)
     return text.getvalue()
 
 
