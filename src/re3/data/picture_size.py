@@ -12,6 +12,34 @@ _ORIENTATION = 0x0112
 _UPRIGHT = 1
 
 
+class WrongSize(ValueError):
+    """A picture is decoded to another size than its boxes were made for."""
+
+
+def check_size(path: Path, stated: tuple[float, float] | None, stated_in: Path) -> tuple[int, int]:
+    """Width and height of the decoded picture, compared with those that an annotation states.
+
+    Args:
+        path: of the picture.
+        stated: width and height in pixels; None where the annotation states none.
+        stated_in: the annotation, for the message.
+
+    Raises:
+        WrongSize: the two differ.
+        FileNotFoundError, ValueError: as of `picture_size`.
+    """
+    width, height = picture_size(path)
+    if stated is not None and stated != (width, height):
+        turned = " (is it turned by its EXIF orientation?)" if stated == (height, width) else ""
+        pixels = f"{stated[0]:g} x {stated[1]:g}"
+        raise WrongSize(
+            f"{path} is decoded to {width} x {height} pixels{turned}, but {stated_in} states "
+            f"{pixels}, for which its boxes were made; store the picture with {pixels} pixels, or "
+            "correct its size and its boxes"
+        )
+    return width, height
+
+
 def picture_size(path: Path) -> tuple[int, int]:
     """Width and height in pixels of a picture as `cv2.imread` decodes it.
 

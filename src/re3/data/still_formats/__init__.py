@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from re3.data.formats.files import subfolders
+from re3.data.picture_size import WrongSize
 from re3.data.still_formats import (
     boxes_index,
     coco,
@@ -22,7 +23,7 @@ from re3.data.still_formats import (
     voc,
     yolo,
 )
-from re3.data.still_formats.picture import Picture, PictureEntry, WrongSize
+from re3.data.still_formats.picture import Picture, PictureEntry
 from re3.data.stills import SMALLEST_SHARE, Still
 
 

@@ -9,13 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from re3.data.masks import Mask
-from re3.data.picture_size import picture_size
+from re3.data.picture_size import check_size
 from re3.data.stills import Still, make_still
 from re3.geometry import Floats
-
-
-class WrongSize(ValueError):
-    """A picture is decoded to another size than its boxes were made for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,17 +48,7 @@ class Picture:
             WrongSize: the annotation states another size.
             ValueError: the picture cannot be read.
         """
-        width, height = picture_size(self.image)
-        if self.size is not None and self.size != (width, height):
-            stated = f"{self.size[0]:g} x {self.size[1]:g}"
-            turned = self.size == (height, width)
-            raise WrongSize(
-                f"{self.image} is decoded to {width} x {height} pixels"
-                f"{' (is it turned by its EXIF orientation?)' if turned else ''}, but "
-                f"{self.stated_in or 'its annotation'} states {stated}, for which its boxes were "
-                f"made; store the picture with {stated} pixels, or correct its size and its boxes"
-            )
-        return width, height
+        return check_size(self.image, self.size, self.stated_in or self.image)
 
     def still(self, smallest_share: float) -> Still | None:
         """The picture with those of its objects that are large enough; None without any.
