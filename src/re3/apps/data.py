@@ -87,6 +87,7 @@ def check(
     """
     try:
         name, findings, stills = _checked(folder, format, frames)
+        formats = [name] if name else []
     except (ValueError, OSError) as error:
         raise failed(error) from error
     except KeyboardInterrupt:
@@ -95,7 +96,7 @@ def check(
     if as_json:
         document: dict[str, Any] = {
             "folder": str(folder),
-            "format": name,
+            "format": " and ".join([*formats, *(stills.formats if stills is not None else [])]),
             "sequences": list(map(asdict, findings)),
         }
         if stills is not None:
@@ -114,7 +115,8 @@ def check(
 def _checked(
     folder: Path, format: str | None, decode: bool
 ) -> tuple[str, list[Finding], StillsReport | None]:
-    """Name of the formats, findings of sequences, and the report of stills where there are any."""
+    """Format and findings of the sequences, without any an empty name, and the report of stills
+    where there are any."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("looking", total=None)
@@ -122,30 +124,27 @@ def _checked(
         def advance(done: int, total: int) -> None:
             bar.update(task, completed=done, total=total)
 
-        names: list[str] = []
+        name = ""
         findings: list[Finding] = []
         missing: ValueError | None = None
         if not is_still_format(format):
             try:
                 name, findings = check_dataset(folder, format, decode=decode, on_progress=advance)
-                names.append(name)
             except ValueError as error:
                 missing = error
         if missing is not None and format is not None:
             raise missing
         try:
-            found = still_folders(folder, format) if format is None or not names else []
+            found = still_folders(folder, format) if format is None or not name else []
         except ValueError:
-            if not names:
+            if not name:
                 raise
             found = []
         stills = check_stills(found, decode=decode, on_progress=advance) if found else None
-        if stills is not None:
-            names += stills.formats
-        elif missing is not None:
+        if stills is None and missing is not None:
             known = ", ".join(known.name for known in STILL_FORMATS)
             raise ValueError(f"{missing}\nnor annotated stills ({known})") from missing
-    return " and ".join(names), findings, stills
+    return name, findings, stills
 
 
 def _show(folder: Path, name: str, findings: list[Finding]) -> None:

@@ -55,7 +55,10 @@ def _documents(folder: Path) -> list[Path]:
     ]
     beside = [path for path in files_with(folder, ".json") if _is_export(path)]
     # Results are looked at only where there is nothing else: they lie beside annotations, too.
-    return named + beside or [p for p in files_with(folder, ".json") if _is_results(_head(p))]
+    if named or beside:
+        return named + beside
+    others = [*files_with(folder / "annotations", ".json"), *files_with(folder, ".json")]
+    return [path for path in others if _is_results(_head(path))]
 
 
 def _is_export(path: Path) -> bool:
