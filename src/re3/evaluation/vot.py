@@ -13,9 +13,9 @@ trajectories to the same figures; its conventions, which the papers leave open:
   *frames*, not of the frames that counted.
 * Robustness is the number of failures in a sequence, mean over its runs, then over sequences with
   the same weights. Less is better.
-* The expected average overlap is in `re3.evaluation.vot_fragments`. EAO is the mean of its curve from
-  `low` to `high`, both included, or as far as the curve goes. Where it ends before `low` there is no
-  EAO (NaN).
+* The curve of expected average overlap is in `re3.evaluation.vot_fragments`. EAO is its mean from
+  `low` to `high`, both included, or as far as the curve goes. Where it ends before `low` there is
+  no EAO (NaN).
 
 The toolkit knows no frame without truth: it would call each a failure. Here such frames count
 neither for accuracy nor in a fragment.

@@ -1,12 +1,12 @@
 """Expected average overlap: how well an object is followed for so many frames.
 
-Kristan et al.: The Visual Object Tracking VOT2015 challenge results, ICCVW 2015, as vot-toolkit 0.9.0
-computes it.
+Kristan et al.: The Visual Object Tracking VOT2015 challenge results, ICCVW 2015, as vot-toolkit
+0.9.0 computes it.
 
 * Every run is cut into fragments, from each start to the frame before the failure, and one from the
-  last start to the end. A fragment that ended in a failure goes on for ever with overlap 0; one that
-  reached the end counts up to its length only. The curve's value at t is the mean over fragments of
-  their mean overlap over frames 1..t after the start (frame 0, the start, has none).
+  last start to the end. A fragment that ended in a failure goes on for ever with overlap 0; one
+  that reached the end counts up to its length only. The curve's value at t is the mean over
+  fragments of their mean overlap over frames 1..t after the start (frame 0, the start, has none).
 * The expected overlap on occluded frames is that of the challenges' MATLAB toolkit
   (`estimate_expected_overlap` with the label `occlusion`): the same fragments, each weighted by the
   share of its frames that are marked, from its start up to the next one. Of a run without a failure
