@@ -377,6 +377,26 @@ def test_a_picture_of_another_size_than_stated_is_refused(tmp_path, name):
         read_stills(folder)
 
 
+@pytest.mark.parametrize("name", ["boxes", "voc"])
+def test_an_outline_of_another_size_leaves_the_box(tmp_path, name):
+    folder = still_layouts.BUILDERS[name](tmp_path)
+    if name == "voc":
+        (outline,) = folder.rglob("*.png")
+        layouts.palette_png(outline, np.ones((2 * HEIGHT, 2 * WIDTH), np.uint8), [(0, 0, 0)] * 256)
+    else:
+        outline = still_layouts.mask(folder / "a.png", width=2 * WIDTH, height=2 * HEIGHT)
+        text = (folder / "boxes.jsonl").read_text().replace("null", '"a.png"')
+        (folder / "boxes.jsonl").write_text(text)
+    (still,) = read_stills(folder)
+    assert not still.masked
+    (note,) = still.notes
+    assert f"{outline.name} is 80 x 60 pixels, but" in note
+    outline.unlink()
+    if name == "boxes":
+        with pytest.raises(FileNotFoundError, match=r"a\.png does not exist"):
+            read_stills(folder)
+
+
 @pytest.mark.parametrize("name", ["coco", "voc"])
 def test_a_picture_that_exif_turns_is_refused(tmp_path, name):
     folder = still_layouts.BUILDERS[name](tmp_path / "data")

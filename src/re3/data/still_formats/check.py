@@ -99,6 +99,7 @@ def check_stills(
         try:
             picture = entry.read()
             size = picture.checked_size()
+            picture = picture.with_fitting_masks(size)
             if decode:
                 _decode(picture, size)
         except (ValueError, OSError) as error:

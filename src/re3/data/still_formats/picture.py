@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from re3.data.masks import Mask
-from re3.data.picture_size import check_size
+from re3.data.masks import IndexedMask, Mask, MaskImage
+from re3.data.picture_size import check_size, picture_size
 from re3.data.stills import Still, make_still
 from re3.geometry import Floats
 
@@ -50,27 +50,52 @@ class Picture:
         """
         return check_size(self.image, self.size, self.stated_in or self.image)
 
+    def with_fitting_masks(self, size: tuple[int, int]) -> Picture:
+        """The picture without those outlines that are images of another size; notes say which.
+
+        Args:
+            size: width and height of the decoded picture.
+
+        Raises:
+            FileNotFoundError, ValueError: the image of an outline is missing or cannot be read.
+        """
+        paths = dict.fromkeys(m.path for m in self.masks if isinstance(m, MaskImage | IndexedMask))
+        found = {path: picture_size(path) for path in paths}
+        wrong = {path: each for path, each in found.items() if each != size}
+        if not wrong:
+            return self
+        notes = [
+            f"{path} is {width} x {height} pixels, but {self.image} {size[0]} x {size[1]}: no "
+            "outline; the boxes are used"
+            for path, (width, height) in wrong.items()
+        ]
+        masks = [
+            None if isinstance(mask, MaskImage | IndexedMask) and mask.path in wrong else mask
+            for mask in self.masks
+        ]
+        return replace(self, masks=tuple(masks), notes=(*self.notes, *notes))
+
     def still(self, smallest_share: float) -> Still | None:
         """The picture with those of its objects that are large enough; None without any.
 
         Raises:
-            As `checked_size`.
+            As `checked_size` and `with_fitting_masks`.
         """
         if not len(self.boxes_xywh):
             return None
-        area = 1.0
+        fitting, area = self, 1.0
         if not self.relative:
             width, height = self.checked_size()
-            area = float(width * height)
+            fitting, area = self.with_fitting_masks((width, height)), float(width * height)
         return make_still(
             self.image,
             self.boxes_xywh,
             area,
             smallest_share,
-            masks=list(self.masks),
+            masks=list(fitting.masks),
             relative=self.relative,
             dataset=self.dataset,
-            notes=self.notes,
+            notes=fitting.notes,
         )
 
 
