@@ -224,7 +224,7 @@ def test_occluded_frames_are_compared(data, tmp_path, monkeypatch):
     [
         (["--protocol", "otb"], "no protocol 'otb'; expected one of ope, tre, sre, starts"),
         (["--protocol", "vot", "--vot-stack", "vot1999"], "no VOT challenge 'vot1999'"),
-        (["--protocol", "vot", "--occluded"], "--occluded compares frames of one pass"),
+        (["--protocol", "ablation", "--occluded"], "--occluded compares frames of one pass"),
         (["--format", "cd"], "no format is called 'cd'"),
         (["--timeout", "0"], "timeout is 0.0 seconds a frame"),
         (["-t", "published:{data}", "-p", "vot"], "published boxes of one pass"),

@@ -38,6 +38,21 @@ def exported(request, tmp_path_factory):
     return path
 
 
+def card_of(path):
+    return path.with_name(f"{path.name}.json")
+
+
+def test_every_file_has_a_card_of_its_own(tmp_path):
+    for name, form in (("m.onnx", "onnx"), ("m.pt", "torchscript"), ("m.ts", "torchscript")):
+        result = export("re3-lite", tmp_path / name, "--no-examples")
+        assert result.exit_code == 0, result.output
+        assert f"beside it: {name}.json" in result.output
+        assert json.loads((tmp_path / f"{name}.json").read_text())["format"] == form
+    cards = sorted(path.name for path in tmp_path.glob("*.json"))
+    assert cards == ["m.onnx.json", "m.pt.json", "m.ts.json"]
+    assert json.loads((tmp_path / "m.onnx.json").read_text())["format"] == "onnx"
+
+
 def first_frames(count):
     video = cv2.VideoCapture(str(CLIP))
     return [video.read()[1] for _ in range(count)]
@@ -50,7 +65,7 @@ def crops_of(spec, objects):
 
 
 def test_the_card_says_what_the_graph_has(exported):
-    card = json.loads(exported.with_suffix(".json").read_text())
+    card = json.loads(card_of(exported).read_text())
     session = onnxruntime.InferenceSession(exported, providers=["CPUExecutionProvider"])
     for kind, found in (("inputs", session.get_inputs()), ("outputs", session.get_outputs())):
         told = {tensor["name"]: tensor for tensor in card[kind]}
@@ -92,7 +107,7 @@ def test_torchscript_computes_the_same_for_any_number_of_objects(tmp_path, model
     module = torch.jit.load(str(path), _extra_files=told)
     engine = load_engine(model, "onnx")
     assert told["re3_spec"].decode() == engine.spec.to_json()
-    card = json.loads(path.with_suffix(".json").read_text())
+    card = json.loads(card_of(path).read_text())
     assert card["inputs"][0]["name"] == "current_crops"
     for objects in (1, 3):
         crops, state = crops_of(engine.spec, objects), zero_state(engine.spec, objects)
@@ -151,7 +166,7 @@ def test_8_bit_weights_are_tracked_with(tmp_path, monkeypatch):
     path = tmp_path / "paper.onnx"
     result = export("re3", path, "--int8", "--untrained", "--no-examples")
     assert result.exit_code == 0, result.output
-    card = json.loads(path.with_suffix(".json").read_text())
+    card = json.loads(card_of(path).read_text())
     assert card["trained"] is False
     weights = sum(each.numel() for each in small.parameters())
     apart = tmp_path / "paper.onnx.data"
@@ -252,7 +267,7 @@ def test_our_models_in_eight_bits_are_calibrated_on_clips(tmp_path, model):
     (clips / "person.txt").write_text("368,58,158,374\n" * 40)
     result = export(model, out, "--int8", "--calibrate", clips, "--no-examples")
     assert result.exit_code == 0, result.output
-    assert "8-bit integers" in json.loads(out.with_suffix(".json").read_text())["weights"]
+    assert "8-bit integers" in json.loads(card_of(out).read_text())["weights"]
     assert out.stat().st_size < find_file(model, "onnx")[0].stat().st_size
     engine, exact = load_engine(out), load_engine(model, "onnx")
     crops = crops_of(engine.spec, 2)

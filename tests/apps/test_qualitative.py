@@ -7,6 +7,7 @@ from typer.testing import CliRunner
 
 from re3.apps.cli import app
 from re3.data.plain import read_track
+from re3.evaluation.plots_style import save
 from re3.evaluation.qualitative import (
     PICTURE_WIDTH,
     Example,
@@ -109,6 +110,33 @@ def test_the_grid_has_both_boxes_and_the_overlap(extra):
     assert [t.get_text() for t in figure.legends[0].get_texts()] == ["truth", "ours"]
     with pytest.raises(ValueError, match="0 examples in 3 columns"):
         qualitative_plot([])
+
+
+@pytest.mark.parametrize("side", [4, 8, 20, 200])
+def test_lines_leave_small_objects_in_sight(extra, side):
+    image = np.zeros((270, PICTURE_WIDTH, 3), np.uint8)
+    box = np.array([100.0, 50, side, side])
+    shots = (Shot(1, image, box, box), Shot(9, image, box, box))
+    figure = qualitative_plot([Example("a", shots)], columns=1)
+    axes = figure.axes[1]
+    # Points of a pixel of the picture, which fills its axes.
+    point = axes.get_window_extent().width * 72 / figure.dpi / PICTURE_WIDTH
+    for patch in axes.patches:
+        # Half of a line lies inside the box, on either side.
+        assert patch.get_linewidth() <= 0.3 * side * point
+        assert patch.get_linewidth() >= 0.2
+
+
+def test_the_truth_shows_where_both_boxes_are_the_same(extra, tmp_path):
+    image = np.full((270, PICTURE_WIDTH, 3), 128, np.uint8)
+    box = np.array([100.0, 50, 150, 120])
+    shots = (Shot(1, image, box, box), Shot(9, image, box, box))
+    save(qualitative_plot([Example("a", shots)], columns=1), tmp_path / "a.png")
+    picture = cv2.imread(str(tmp_path / "a.png"))
+    second = picture[picture.shape[0] // 5 :, picture.shape[1] // 2 :].astype(int)
+    _, green, red = np.moveaxis(second, 2, 0)
+    shown = int(((green > 150) & (red < 90)).sum()), int(((red > 180) & (green < 90)).sum())
+    assert min(shown) > 0.3 * max(shown) > 20
 
 
 def test_the_command_writes_the_grid(extra, clips, tmp_path):

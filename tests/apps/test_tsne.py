@@ -92,6 +92,19 @@ def test_without_reset_the_state_goes_on_where_it_would_return():
     assert kept.shape == (34, 4 * 256)
 
 
+def test_a_path_breaks_off_where_the_state_returns(extra):
+    random = np.random.default_rng(1)
+    frames = [random.integers(0, 255, (60, 80, 3)).astype(np.uint8)] * 67
+    box = (20, 20, 24, 24)
+    with_returns = record("c", frames, box, recorder("re3-lite", threads=1))
+    assert with_returns.breaks == (32, 64)
+    assert record("c", frames, box, recorder("re3-lite", reset=False, threads=1)).breaks == ()
+    positions = random.normal(0, 1, (67, 2))
+    drawn = tsne_plot([with_returns], [positions]).axes[0].lines[0].get_xydata()
+    assert np.flatnonzero(np.isnan(drawn[:, 0])).tolist() == [32, 65]
+    np.testing.assert_array_equal(drawn[~np.isnan(drawn[:, 0])], positions)
+
+
 def test_states_close_by_stay_close_by(extra):
     random = np.random.default_rng(0)
     paths = [

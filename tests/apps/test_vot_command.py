@@ -114,7 +114,7 @@ def test_toolkit_and_we_agree_on_real_trajectories(evaluated):
 @pytest.mark.slow
 def test_the_toolkit_gets_the_trajectory_that_we_get(evaluated, filmed):
     workspace, _ = evaluated
-    config = SupervisedConfig(restart_after=STACKS["vot2016"].restart_after)
+    config = SupervisedConfig(STACKS["vot2016"].restart_after, by_pixels=True)
     drops = 0
     clips = ["jump", "leave", "pan", "shake", "zoom"]
     for tracker, name in [("re3-lite", "jump"), *(("first-box", clip) for clip in clips)]:
@@ -195,7 +195,7 @@ def test_overlap_is_the_toolkits():
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (["{clips}", "--stack", "vot2099"], "no stack is called 'vot2099'"),
+        (["{clips}", "--stack", "vot2099"], "no VOT challenge 'vot2099'"),
         (["{clips}", "--interval", "5"], "--interval '5' is not LOW,HIGH"),
         (["{clips}", "--interval", "9,5"], "0 <= low <= high"),
         (["{clips}", "--sequences", "gone"], "no sequence is called gone"),

@@ -10,6 +10,8 @@ from re3.data.plain import (
     read_track,
     read_tracks,
 )
+from re3.result import Result, Status
+from re3.video.results import open_results
 
 NAN = [np.nan] * 4
 
@@ -188,6 +190,84 @@ def test_a_folder_that_is_itself_a_clip(tmp_path):
     assert sequence.source == tmp_path / "set/Bird2"
 
 
+def row(frame, name, box, status="tracked", **more) -> str:
+    x, y, w, h = box
+    record = {
+        "frame": frame,
+        "timestamp": frame / 30,
+        "object": name,
+        "x": x,
+        "y": y,
+        "w": w,
+        "h": h,
+    }
+    return json.dumps({**record, "score": 0.9, "status": status, **more})
+
+
+def test_rows_of_re3_track_are_read(tmp_path):
+    video = clip(tmp_path / "pool")
+    lines = [
+        row(3, "dog", [1, 2, 3, 4]),
+        row(3, "car", [5, 6, 7, 8]),
+        row(4, "dog", [2, 2, 3, 4], "uncertain"),
+        row(4, "car", [6, 6, 7, 8], "lost", image="0005.jpg"),
+        row(5, "dog", [3, 2, 3, 4]),
+        row(5, "car", [7, 6, 7, 8], score=None),
+    ]
+    video.with_suffix(".jsonl").write_text("\ufeff" + "\n".join(lines) + "\n", encoding="utf-8")
+    car, dog = read_tracks(video)
+    assert (car.name, car.start_frame, car.label) == ("clip/car", 3, None)
+    np.testing.assert_array_equal(car.boxes_xywh, [[5, 6, 7, 8], NAN, [7, 6, 7, 8]])
+    np.testing.assert_array_equal(dog.boxes_xywh, [[1, 2, 3, 4], [2, 2, 3, 4], [3, 2, 3, 4]])
+
+
+def test_what_the_writer_of_results_writes_is_read(tmp_path):
+    video = clip(tmp_path)
+    given = [(2.5, 3.25, 10, 20), (3, 4, 11, 21), (4, 5, 12, 22)]
+    with open_results(tmp_path / "clip.jsonl") as results:
+        for frame, box in enumerate(given):
+            results.write(frame, frame / 30, [Result(box, 0.9, Status.TRACKED, 1, "dog")])
+    (sequence,) = read_folder(tmp_path)
+    np.testing.assert_array_equal(sequence.boxes_xywh, given)
+    assert (sequence.name, sequence.source) == ("clip/dog", video)
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        (row(1, "dog", [1, 2, -3, 4]), "negative size"),
+        (row(1, "dog", [1, 2, 3, None]), "expected"),
+        (row(0, "dog", [1, 2, 3, 4]), "object 'dog' comes twice in frame 0"),
+        (row(-1, "dog", [1, 2, 3, 4]), "frame is -1"),
+        (row(1, ["dog"], [1, 2, 3, 4]), "object is"),
+        (frame_line(1, ("dog", "dog", [1, 2, 3, 4])), "is not a row of results"),
+        ('{"frame": 1, "object": "dog"}', "no number 'x'"),
+        ('{"frame": 1, ', "not JSON"),
+    ],
+)
+def test_broken_rows_name_file_and_line(tmp_path, line, told):
+    video = clip(tmp_path)
+    video.with_suffix(".jsonl").write_text(row(0, "dog", [1, 2, 3, 4]) + "\n" + line + "\n")
+    with pytest.raises(ValueError, match=rf"clip\.jsonl, line 2: .*{told}"):
+        read_tracks(video)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("-1,-1,-1,-1\n", r"line 1: .*where the object is absent, write nan,nan,nan,nan"),
+        ("0,0,-1,0\n", r"line 1: .*write nan,nan,nan,nan"),
+        ("1,1,5,5,10,10,1,-1,-1,-1\n", r"line 1: 10 numbers .*MOTChallenge"),
+        ("frame,timestamp,object,x,y,w,h,score,status\n", r"line 1: .*a table with a header"),
+    ],
+)
+def test_what_others_write_in_place_of_a_box_is_named(tmp_path, text, told):
+    video = clip(tmp_path)
+    video.with_suffix(".txt").write_text(text)
+    with pytest.raises(ValueError, match=told):
+        read_track(video)
+
+
 def test_folders_without_clips_are_told(tmp_path):
     with pytest.raises(FileNotFoundError, match="nowhere does not exist"):
         read_folder(tmp_path / "nowhere")
@@ -202,6 +282,6 @@ def test_real_clips(shared_data):
     assert [s.name for s in davis][:3] == ["blackswan", "bmx-trees", "breakdance"]
     assert len(davis) == 20
     assert davis[0].boxes_xywh[1].tolist() == [129.0, 70.0, 383.0, 312.0]
-    tracks = read_folder(shared_data / "train" / "multi" / "mot15")
+    tracks = read_folder(shared_data / "val" / "mot")
     assert all(s.annotated[0] and s.annotated[-1] for s in tracks)
     assert {s.label for s in tracks} == {"person"}

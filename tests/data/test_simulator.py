@@ -23,6 +23,7 @@ def test_small_objects_are_discarded(folder, tmp_path):
         {"label": "large enough", "box_xywh": [0, 0, 16, 12]},  # exactly 0.1 squared
         {"label": "small", "box_xywh": [0, 0, 15, 12]},
     ]
+    line["image"] = str(folder / line["image"])
     (tmp_path / "boxes.jsonl").write_text(json.dumps(line))
     (still,) = read_stills(tmp_path)
     np.testing.assert_array_equal(still.boxes_xywh, [[0, 0, 16, 12]])

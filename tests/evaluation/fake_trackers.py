@@ -90,3 +90,17 @@ class Slow(Follows):
 class NotATracker:
     def init(self, frame, box_xywh):
         pass
+
+
+class Grazes:
+    """Overlaps the first box by less and less: from a pixel and a half down to a tenth of one."""
+
+    def init(self, frame, box_xywh):
+        self.box = np.array(box_xywh, dtype=float)
+        self.updates = 0
+
+    def update(self, frame):
+        self.updates += 1
+        overlap = max(1.6 - 0.15 * self.updates, 0.1)
+        x, y, w, h = self.box
+        return (x + w - overlap, y, w, h), 0.5

@@ -54,6 +54,30 @@ def test_only_the_sequences_named(clips, tmp_path):
     assert [row["sequence"] for row in json.loads(file.read_text())["sequences"]] == ["patch-late"]
 
 
+@pytest.mark.parametrize("lines", [1, 9])
+def test_an_annotation_that_ends_before_its_clip_is_refused_unless_asked(clips, tmp_path, lines):
+    truth = clips / "patch.txt"
+    truth.write_text("".join(truth.read_text().splitlines(keepends=True)[:lines]))
+    file = tmp_path / "report.json"
+    arguments = (clips, "-t", "first-box", "--json", file)
+    result = invoke(*arguments)
+    assert result.exit_code == 2
+    assert f"patch has {lines} boxes for 12 frames" in result.stderr
+    assert "--short-truth" in result.stderr
+    assert not file.exists()
+    # The other clip is complete.
+    assert invoke(*arguments, "--sequences", "patch-late").exit_code == 0
+    result = invoke(*arguments, "--short-truth")
+    assert result.exit_code == 0, result.output
+    patch = json.loads(file.read_text())["sequences"][0]
+    assert patch["frames"] == lines
+    # The box that the tracker was given is compared with nothing.
+    assert (patch["auc"] is None) == (lines == 1)
+    assert ("truth in the frame of the start alone" in " ".join(result.stdout.split())) == (
+        lines == 1
+    )
+
+
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [

@@ -136,8 +136,10 @@ def test_a_tracker_is_closed_however_it_ends(sequence_of):
 @pytest.mark.parametrize(
     ("seconds", "fps"),
     [
-        ([[9.0, 0.1, 0.1, 5.0]], 10.0),  # the start is left out, a stall does not matter
-        ([[9.0, 0.1], [9.0, 0.2, 0.5]], 5.0),  # over all frames of all tracks
+        ([[9.0, 0.1, 0.1, 0.3]], 6.0),  # three updates in half a second; the start is left out
+        # Nine of ten updates do nothing: the median would say a million.
+        ([[9.0, 0.999991, *[1e-6] * 9]], 10.0),
+        ([[9.0, 0.1], [9.0, 0.2, 0.3]], 5.0),  # over all frames of all tracks
         ([[np.nan, 9.0, 0.5, np.nan]], 2.0),  # frames without the tracker are left out
         ([[9.0]], np.nan),  # no update
         ([], np.nan),

@@ -1,6 +1,7 @@
 """The figures of a run as text: Markdown, JSON, CSV, and tables for a terminal."""
 
 import csv
+import io
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -176,8 +177,8 @@ def test_the_length_of_a_sequence_is_not_the_number_of_annotated_frames(sequence
         "| sequence | frames | good | bad |",
         "| b | 2 | 0.476 | 0.476 x |",  # a failure is marked
         "## two: 1 sequence, ope",
-        "| good | 0.952 | 1.000 | 1.000 | - | - | - | - | - |",  # nobody failed, no column
-        "| c | 1 | 1.000 | 1.000 |",
+        "| good | - | - | - | - | - | - | - | - |",  # nobody failed, no column
+        "| c | 1 | - | - |",  # nothing to compare with beside the box given
         "- bad failed on b, frame 1: update raised; the frames from there on count as missed",
     ],
 )
@@ -303,6 +304,26 @@ def test_brackets_in_a_name_are_printed(run):
     assert "[bold]a" in capture.get()
 
 
+def test_names_are_no_markup_in_markdown_and_no_formulas_in_csv(sequence_of):
+    name = "a|b <script> *x* [y](z) `c` _d_ e_f"
+    sequence = sequence_of([BOX] * 2, name, "=cmd|'/c calc'!A1")
+    run = replace(
+        run_of([one_pass("@SUM(1)", sequence, [BOX, FAR], failure="frame 1: <b> raised")]),
+        command="re3 eval `rm`",
+    )
+    text = to_markdown(run)
+    shown = r"a\|b \<script> \*x\* \[y\](z) \`c\` \_d\_ e_f"
+    assert f"| {shown} | 2 |" in text
+    assert r"## =cmd\|'/c calc'!A1: 1 sequence, ope" in text
+    assert r"frame 1: \<b> raised" in text
+    assert "- command: `` re3 eval `rm` ``" in text
+    (row,) = csv.DictReader(io.StringIO(results_csv(run)))
+    assert (row["dataset"], row["tracker"]) == ("'=cmd|'/c calc'!A1", "'@SUM(1)")
+    assert row["sequence"] == name
+    # Numbers are numbers.
+    assert float(row["p95_seconds"]) > 0
+
+
 def test_repetitions_are_printed_with_their_spread(sequence_of):
     sequence = sequence_of([BOX] * 2, "a", "d")
     results = [
@@ -316,7 +337,9 @@ def test_repetitions_are_printed_with_their_spread(sequence_of):
 
 def test_notes_name_failures_reused_results_and_what_ran_side_by_side(run):
     said = notes(replace(run, jobs=3))
-    assert len(said) == 3
+    assert len(said) == 4
     assert said[0].startswith("bad failed on b, frame 1")
-    assert said[1].startswith("1 of 1 results of good on two were taken")
-    assert said[2].startswith("3 sequences ran at the same time")
+    assert said[1].startswith("1 sequence has truth in the frame of the start alone")
+    assert said[1].endswith("left out of the figures: c")
+    assert said[2].startswith("1 of 1 results of good on two were taken")
+    assert said[3].startswith("3 sequences ran at the same time")

@@ -60,6 +60,28 @@ def test_when_it_fails_and_starts_again(sequence_of, said, config, expected):
     assert np.isfinite(track.seconds).tolist() == [letter != "-" for letter in expected]
 
 
+@pytest.mark.parametrize(
+    ("said", "exact", "pixels"),
+    [
+        # Overlaps by less than a pixel: none in common once both are rounded.
+        ((1.6, 0.0, 2.0, 2.0), "Sfff", "SXSX"),
+        ((0.0, 1.51, 2.0, 2.0), "Sfff", "SXSX"),
+        ((1.4, 0.0, 2.0, 2.0), "Sfff", "Sfff"),  # rounded, they share a column
+        # Beside each other, and yet with a column in common once rounded.
+        ((2.0, 0.0, 2.0, 2.0), "SXSX", "SXSX"),
+        ((-2.4, 0.0, 2.4, 2.0), "SXSX", "SXSX"),
+        ((-1.4, 0.0, 2.0, 2.0), "Sfff", "Sfff"),
+        # In common outside the frame of 4 x 4 alone.
+        ((0.0, -9.0, 2.0, 9.0), "SXSX", "SXSX"),
+    ],
+)
+def test_failure_by_whole_pixels_and_by_exact_overlap(sequence_of, said, exact, pixels):
+    for by_pixels, expected in ((False, exact), (True, pixels)):
+        config = SupervisedConfig(restart_after=1, by_pixels=by_pixels)
+        track = run_supervised(lambda: Says([said] * 4), sequence_of([BOX] * 4), config)
+        assert letters(track) == expected
+
+
 def test_each_start_gets_a_fresh_tracker(sequence_of):
     made = []
 

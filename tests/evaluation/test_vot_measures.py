@@ -1,6 +1,7 @@
 """VOT's measures by hand."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -204,3 +205,47 @@ def test_the_stacks_intervals():
 def test_what_cannot_be_scored_is_refused(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+# Expected overlap on occluded frames, by hand
+
+
+def marked(letters, marks, **more):
+    """One run, with a 1 for every frame that is marked as occluded."""
+    made = runs(letters, **more)
+    return replace(made, occluded=np.array([mark == "1" for mark in marks]))
+
+
+@pytest.mark.parametrize(
+    ("sequences", "curve"),
+    [
+        # One fragment: its weight does not matter, unless it is 0.
+        ([("S1h", "010")], [0, 1, 0.75]),
+        ([("S1h", "000")], [math.nan] * 3),
+        # A third of the first is marked, all of the second: weights 1/3 and 1.
+        ([("S11", "100"), ("Shh", "111")], [0, 5 / 8, 5 / 8]),
+        # The first ends in a failure, and goes on to the next start, which belongs to it: three of
+        # eight frames; of the second, from its start on, one of three.
+        ([("S1X----Shh", "0000110100")], [0, (3 / 8 + 1 / 6) / (3 / 8 + 1 / 3), None]),
+        # Without marks a sequence does not count.
+        ([("S11", None), ("Shh", "111")], [0, 0.5, 0.5]),
+    ],
+)
+def test_expected_overlap_on_occluded_frames(sequences, curve):
+    made = [
+        runs(letters) if marks is None else marked(letters, marks) for letters, marks in sequences
+    ]
+    given = expected_overlap_curve(made, occluded_up_to=100)
+    for value, expected in zip(given, curve, strict=True):
+        assert expected is None or value == pytest.approx(expected, abs=1e-12, nan_ok=True)
+
+
+def test_without_a_failure_marks_beyond_the_interval_do_not_count():
+    # Up to frame 3: a third of the first, two thirds of the second.
+    made = [marked("S1111", "10011"), marked("Shhhh", "11000")]
+    stack = VotStack("test", "test", (1, 3), burn_in=1)
+    assert score_vot(made, stack).eao_occluded == pytest.approx((1 / 3 + 2 / 3 * 0.5) / 1)
+    # All frames alike.
+    assert score_vot(made, stack).eao == pytest.approx(0.75)
+    assert math.isnan(score_vot(made, PLAIN).eao_occluded)
+    assert math.isnan(score_vot([runs("S1111")], stack).eao_occluded)

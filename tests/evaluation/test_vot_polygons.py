@@ -245,7 +245,7 @@ class Corner:
     ("config", "letters"),
     [
         (VOT, "SX----SX"),
-        (SupervisedConfig(by_polygon=True, restart_after=1), "SXSXSXSX"),
+        (SupervisedConfig(by_pixels=True, restart_after=1), "SXSXSXSX"),
         (SupervisedConfig(), "Sfffffff"),  # upright boxes
     ],
 )

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from re3.result import Result, Status
-from re3.video import draw_results
+from re3.video import draw, draw_results
 from re3.video.draw import LOST_COLOUR, PALETTE, colour_of
 
 
@@ -69,6 +69,44 @@ def test_a_label_is_not_crossed_by_another_box():
     both = draw_results(image, [first, result((50, 40, 100, 100), object_id=2, name="x")])
     top = 80 - 12  # the label of the first lies above its box
     assert (both[top:80, 60:90] == alone[top:80, 60:90]).all()
+
+
+@pytest.mark.parametrize(
+    ("boxes", "size"),
+    [
+        ([(60, 80, 60, 60)] * 5, (300, 400)),  # one upon the other
+        ([(60 + 8 * i, 80 + 3 * i, 40, 50) for i in range(8)], (300, 400)),  # a crowd
+        ([(0, 0, 30, 30), (2, 2, 30, 30), (4, 1, 30, 30)], (300, 400)),  # in a corner
+        ([(370, 280, 30, 20), (365, 275, 30, 20)], (300, 400)),  # in the other
+        ([(-50, 100, 60, 40), (-40, 100, 60, 40)], (300, 400)),  # over the edge
+    ],
+)
+def test_labels_do_not_cover_each_other(monkeypatch, boxes, size):
+    shown = [result(box, object_id=i + 1, name=f"object {i}") for i, box in enumerate(boxes)]
+    places = []
+    place_of = draw._place_of
+
+    def noted(*arguments):
+        places.append(place_of(*arguments))
+        return places[-1]
+
+    monkeypatch.setattr(draw, "_place_of", noted)
+    drawn = draw_results(np.zeros((*size, 3), np.uint8), shown)
+    assert len(places) == len(boxes)
+    counts = np.zeros(size, int)
+    for x, y, width, height in places:
+        assert min(x, y) >= 0 and x + width <= size[1] and y + height <= size[0]
+        counts[y : y + height, x : x + width] += 1
+    assert counts.max() == 1
+    # Each plate is whole, in the colour of its object: nothing was drawn over it.
+    for each, (x, y, width, _) in zip(shown, places, strict=True):
+        edge = drawn[y, x : x + width]
+        assert (edge == colour_of(each.object_id)).all()
+
+
+def test_a_frame_too_full_for_all_labels_is_drawn_all_the_same():
+    shown = [result((5, 5, 20, 20), object_id=i + 1, name="a long name") for i in range(30)]
+    assert draw_results(np.zeros((60, 80, 3), np.uint8), shown).any()
 
 
 def test_the_box_is_drawn_on_its_own_pixels():

@@ -6,7 +6,7 @@ import json
 import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.box import SIMPLE_HEAD
@@ -19,6 +19,13 @@ from re3.apps.console import INTERRUPTED, failed, stderr
 from re3.apps.data_look import show, stats
 from re3.data.formats import FORMATS
 from re3.data.formats.check import Finding, check_dataset
+from re3.data.still_formats import STILL_FORMATS
+from re3.data.still_formats.check import (
+    StillsReport,
+    check_stills,
+    is_still_format,
+    still_folders,
+)
 
 PIPE_WIDTH = 160
 UNUSABLE = 1
@@ -51,7 +58,9 @@ def check(
         typer.Option(
             "--format",
             "-f",
-            help="Read it as this: " + ", ".join(known.name for known in FORMATS) + ". "
+            help="Read it as this: "
+            + ", ".join(known.name for known in (*FORMATS, *STILL_FORMATS))
+            + ". "
             "Default: what its structure looks like.",
             metavar="NAME",
             show_default=False,
@@ -66,35 +75,76 @@ def check(
 ) -> None:
     """List what a dataset holds and what is wrong with it; nothing is tracked.
 
-    Gaps are frames without a box, sizes in pixels. What stands after ! makes
-    a sequence unusable, and the exit code is then 1; the rest is worth a look.
+    Gaps are frames without a box, sizes in pixels. Of stills, pictures with
+    something wrong are listed. What stands after ! makes a sequence or a
+    picture unusable, and the exit code is then 1; the rest is worth a look.
 
-    Example:
+    Examples:
 
         re3 data check GOT-10k/val --frames
+
+        re3 data check coco
     """
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     try:
-        with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-            task = bar.add_task("clips", total=None)
-            name, findings = check_dataset(
-                folder,
-                format,
-                decode=frames,
-                on_progress=lambda done, total: bar.update(task, completed=done, total=total),
-            )
+        name, findings, stills = _checked(folder, format, frames)
+        formats = [name] if name else []
     except (ValueError, OSError) as error:
         raise failed(error) from error
     except KeyboardInterrupt:
         stderr().print("interrupted", markup=False)
         raise typer.Exit(INTERRUPTED) from None
     if as_json:
-        document = {"folder": str(folder), "format": name, "sequences": list(map(asdict, findings))}
+        document: dict[str, Any] = {
+            "folder": str(folder),
+            "format": " and ".join([*formats, *(stills.formats if stills is not None else [])]),
+            "sequences": list(map(asdict, findings)),
+        }
+        if stills is not None:
+            document["stills"] = asdict(stills)
         typer.echo(json.dumps(document, indent=2, ensure_ascii=False))
     else:
-        _show(folder, name, findings)
-    if any(finding.errors for finding in findings):
+        if findings:
+            _show(folder, name, findings)
+        if stills is not None:
+            _show_stills(folder, stills)
+    broken = any(finding.errors for finding in findings)
+    if broken or (stills is not None and any(finding.errors for finding in stills.findings)):
         raise typer.Exit(UNUSABLE)
+
+
+def _checked(
+    folder: Path, format: str | None, decode: bool
+) -> tuple[str, list[Finding], StillsReport | None]:
+    """Format and findings of the sequences, without any an empty name, and the report of stills
+    where there are any."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("looking", total=None)
+
+        def advance(done: int, total: int) -> None:
+            bar.update(task, completed=done, total=total)
+
+        name = ""
+        findings: list[Finding] = []
+        missing: ValueError | None = None
+        if not is_still_format(format):
+            try:
+                name, findings = check_dataset(folder, format, decode=decode, on_progress=advance)
+            except ValueError as error:
+                missing = error
+        if missing is not None and format is not None:
+            raise missing
+        try:
+            found = still_folders(folder, format) if format is None or not name else []
+        except ValueError:
+            if not name:
+                raise
+            found = []
+        stills = check_stills(found, decode=decode, on_progress=advance) if found else None
+        if stills is None and missing is not None:
+            known = ", ".join(known.name for known in STILL_FORMATS)
+            raise ValueError(f"{missing}\nnor annotated stills ({known})") from missing
+    return name, findings, stills
 
 
 def _show(folder: Path, name: str, findings: list[Finding]) -> None:
@@ -115,6 +165,25 @@ def _show(folder: Path, name: str, findings: list[Finding]) -> None:
     console.print(
         f"{folder}: format {name}, {len(findings)} sequences, {frames} frames; {broken} unusable, "
         f"{odd} with something odd",
+        markup=False,
+    )
+
+
+def _show_stills(folder: Path, report: StillsReport) -> None:
+    console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH, highlight=False)
+    if report.findings:
+        table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+        table.add_column("picture", overflow="fold")
+        table.add_column("problems", overflow="fold")
+        for finding in report.findings:
+            problems = [*(f"! {error}" for error in finding.errors), *finding.warnings]
+            table.add_row(escape(finding.name), escape("; ".join(problems)))
+        console.print(table)
+    broken = sum(bool(finding.errors) for finding in report.findings)
+    console.print(
+        f"{folder}: stills in the format {' and '.join(report.formats)}, {report.pictures} "
+        f"pictures, {report.objects} objects, {report.outlines} of them with an outline; {broken} "
+        f"unusable, {len(report.findings) - broken} with something odd",
         markup=False,
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated
@@ -14,17 +15,20 @@ from re3.apps.console import INTERRUPTED, failed, stderr
 from re3.apps.evaluate_bars import Bars
 from re3.apps.evaluate_tables import show_run, show_trackers
 from re3.apps.exported_weights import with_exported_weights
-from re3.apps.options import PeersOption, SequencesOption
+from re3.apps.options import IntervalOption, PeersOption, SequencesOption, ShortTruthOption
 from re3.apps.sequences import FORMAT_HELP, choose_sequences, read_sequences
+from re3.data.lengths import check_lengths
+from re3.data.sequence import Sequence
 from re3.evaluation.environment import Environment
-from re3.evaluation.peers import FIRST_BOX, available_trackers, find_tracker
-from re3.evaluation.protocols import DEFAULT_STACK, PROTOCOLS, find_protocol
+from re3.evaluation.peers import FIRST_BOX, TrackerInfo, available_trackers, find_tracker
+from re3.evaluation.protocols import DEFAULT_STACK, PROTOCOLS, find_protocol, with_otb_rules
+from re3.evaluation.published import looks_shifted
 from re3.evaluation.report import write_reports
 from re3.evaluation.report_data import results_json
 from re3.evaluation.result_files import write_whole
 from re3.evaluation.runner import TIMEOUT, run
 from re3.evaluation.summary import Run
-from re3.evaluation.vot import STACKS
+from re3.evaluation.vot import STACKS, find_stack
 from re3.models import DEFAULT_MODEL
 
 SOMETHING_FAILED = 1
@@ -104,6 +108,27 @@ def evaluate(
             metavar="NAME",
         ),
     ] = DEFAULT_STACK,
+    interval: IntervalOption = None,
+    otb_rules: Annotated[
+        bool,
+        typer.Option(
+            "--otb-rules",
+            help="Count frames exactly as OTB's toolkit does: a tracker's last box is repeated "
+            "where it has none, and true boxes with x or y at or below 0 are compared with "
+            "nothing. With ope, tre or sre.",
+        ),
+    ] = False,
+    published_from: Annotated[
+        int,
+        typer.Option(
+            "--published-from",
+            help="What published:FOLDER boxes call the first column and row of an image: 0, or 1 "
+            "as in OTB's own files and most boxes published for it.",
+            min=0,
+            max=1,
+            metavar="0|1",
+        ),
+    ] = 0,
     repeat: Annotated[
         int,
         typer.Option(
@@ -119,7 +144,7 @@ def evaluate(
         typer.Option(
             "--occluded",
             help="Also compare all frames with those the dataset marks as occluded (Re3, sec. "
-            "IV-E). With ope or imagenet-vid.",
+            "IV-E): with ope or imagenet-vid success, with vot the expected overlap.",
         ),
     ] = False,
     format_name: Annotated[
@@ -148,6 +173,7 @@ def evaluate(
         ),
     ] = TIMEOUT,
     sequences: SequencesOption = None,
+    short_truth: ShortTruthOption = False,
     peers: PeersOption = None,
     json_file: Annotated[
         Path | None,
@@ -184,16 +210,23 @@ def evaluate(
         if list_trackers:
             show_trackers(available_trackers(peers))
             return
-        chosen_protocol = find_protocol(protocol, vot_stack)
-        if occluded and not chosen_protocol.one_pass:
+        if interval is not None and protocol != "vot":
+            raise ValueError(f"--interval is of --protocol vot, not of {protocol}; leave it out")
+        chosen_protocol = find_protocol(
+            protocol, find_stack(vot_stack, interval), occluded=occluded
+        )
+        if occluded and not chosen_protocol.one_pass and protocol != "vot":
             raise ValueError(
-                f"--occluded compares frames of one pass; with --protocol {protocol} the tracker "
-                "is started again. Take ope or imagenet-vid"
+                f"--occluded compares frames of one pass, or expected overlap in vot; with "
+                f"--protocol {protocol} the tracker is started again. Take ope, imagenet-vid or vot"
             )
         chosen = choose_sequences(read_sequences(data or [], format_name), sequences)
+        if not short_truth:
+            check_lengths(chosen)
         if chosen_protocol.prepare is not None:
             chosen = chosen_protocol.prepare(chosen)
         trackers = [find_tracker(name, peers) for name in _asked(tracker or [], model)]
+        trackers = [replace(info, first_pixel=published_from) for info in trackers]
         published = [info.name for info in trackers if info.published is not None]
         if published and chosen_protocol.prepare is not None:
             raise ValueError(
@@ -205,6 +238,8 @@ def evaluate(
                 "--occluded needs data that says which frames are occluded, and none of the "
                 f"{len(chosen)} sequences does"
             )
+        if otb_rules:
+            chosen_protocol = with_otb_rules(chosen_protocol)
         environment = Environment.here()
         if out is not None and not chosen_protocol.one_pass:
             # Trajectories with restarts must not be taken for those of one pass.
@@ -220,6 +255,7 @@ def evaluate(
                 repeats=repeat,
                 jobs=jobs,
                 timeout=timeout,
+                otb_rules=otb_rules,
             )
         done = Run(
             command=shlex.join(["re3", *sys.argv[1:]]),
@@ -228,6 +264,7 @@ def evaluate(
             protocol=chosen_protocol,
             jobs=jobs,
             results=results,
+            remarks=_remarks(trackers, chosen),
         )
         show_run(done, occluded=occluded)
         if json_file is not None:
@@ -242,6 +279,16 @@ def evaluate(
         raise typer.Exit(INTERRUPTED) from None
     if any(result.track.failure is not None for result in results):
         raise typer.Exit(SOMETHING_FAILED)
+
+
+def _remarks(trackers: list[TrackerInfo], sequences: list[Sequence]) -> tuple[str, ...]:
+    """What to say of published boxes that seem to be read one pixel beside their place."""
+    return tuple(
+        f"the boxes of {info.name} begin one pixel beside the truth, across and down; if they "
+        f"count pixels from {1 - info.first_pixel}, give --published-from {1 - info.first_pixel}"
+        for info in trackers
+        if info.published is not None and looks_shifted(info.published, sequences, info.first_pixel)
+    )
 
 
 def _asked(trackers: list[str], model: str | None) -> list[str]:

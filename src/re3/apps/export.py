@@ -91,7 +91,7 @@ def export(
 ) -> None:
     """Write the one-step graph, with explicit state in and out.
 
-    Beside it come a card, OUT with .json at its end, which says all that a
+    Beside it come a card, OUT with .json after it (m.onnx.json), which says all that a
     program must know to track with the file, and, beside an .onnx file, two
     short programs that do so: track_onnx.py and track_onnx.cpp.
 
@@ -146,8 +146,10 @@ def export(
             "trained": not untrained,
         }
         card = make_card(network.spec(), out.name, **about)
-        out.with_suffix(".json").write_text(json.dumps(card, indent=1) + "\n", encoding="utf-8")
-        written = [out, out.with_suffix(".json"), *_weights_beside(out)]
+        # After the whole name: m.onnx and m.xml in one folder have a card each.
+        card_file = out.with_name(f"{out.name}.json")
+        card_file.write_text(json.dumps(card, indent=1) + "\n", encoding="utf-8")
+        written = [out, card_file, *_weights_beside(out)]
         if chosen is Format.ONNX and examples:
             written += [_copied(name, out) for name in ("track_onnx.py", "track_onnx.cpp")]
     except ImportError as error:

@@ -28,3 +28,23 @@ SequencesOption = Annotated[
         show_default=False,
     ),
 ]
+
+ShortTruthOption = Annotated[
+    bool,
+    typer.Option(
+        "--short-truth",
+        help="Score clips whose annotation ends before they do over the frames that have a line; "
+        "without, they are refused.",
+    ),
+]
+
+IntervalOption = Annotated[
+    str | None,
+    typer.Option(
+        "--interval",
+        help="Shortest and longest length in frames that VOT's EAO averages over, instead of the "
+        "challenge's; for sequences shorter than those of the challenge.",
+        metavar="LOW,HIGH",
+        show_default=False,
+    ),
+]

@@ -12,6 +12,7 @@ import typer
 
 from re3.apps.console import failed, stderr
 from re3.apps.sequences import STILL_FORMAT_HELP
+from re3.apps.training_data import show_notes
 from re3.data.leaving import MANY_FRAMES
 from re3.data.simulation_config import WAYS, SimulationConfig
 
@@ -72,6 +73,7 @@ def simulate(
     try:
         config = SimulationConfig() if leaves is None else _leaving(leaves, frames)
         pictures = read_stills(stills, format_name)
+        show_notes(pictures)
         if limbs:
             pictures = [still for still in pictures if still.masked]
             if not pictures:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from re3.apps.console import stderr
 from re3.data.frame_store import DEFAULT_LIMIT_GB
 
 if TYPE_CHECKING:
     from re3.data.sampling import ClipSampler
     from re3.data.sequence import Sequence
-    from re3.data.still_formats import StillFormat
     from re3.data.stills import Still
 
 CacheOption = Annotated[
@@ -63,7 +64,17 @@ def mix_file_sampler(path: Path, cache_gb: float = DEFAULT_CACHE_GB) -> ClipSamp
     from re3.data.frame_store import FrameStore
     from re3.data.mix import mix_sampler, read_mix
 
-    return mix_sampler(read_mix(path), FrameStore(limit_gb=cache_gb))
+    sampler = mix_sampler(read_mix(path), FrameStore(limit_gb=cache_gb))
+    show_notes(sampler.stills)
+    return sampler
+
+
+def show_notes(stills: Iterable[Still]) -> None:
+    """Say on stderr what was put right in the annotations of stills."""
+    from re3.data.still_formats import notes_of
+
+    for note in notes_of(stills):
+        stderr().print(f"note: {note}", markup=False)
 
 
 def folders_sampler(
@@ -95,6 +106,7 @@ def folders_sampler(
         found = _find(folder, format_name)
         sequences += found[0]
         stills += found[1]
+    show_notes(stills)
     known = {s.dataset for s in sequences} | {still.dataset for still in stills}
     if exclude - known:
         raise ValueError(
@@ -111,12 +123,13 @@ def _find(folder: Path, format_name: str | None) -> tuple[list[Sequence], list[S
     """The sequences and the stills in a folder and below it."""
     from re3.data.formats import looks_like_clips, read_dataset
     from re3.data.plain import read_clip
-    from re3.data.still_formats import STILL_FORMATS, read_stills
+    from re3.data.still_formats import read_stills
+    from re3.data.still_formats.check import is_still_format, still_folders
     from re3.data.stills import SMALLEST_SHARE
 
-    if format_name in [known.name for known in STILL_FORMATS]:
+    if is_still_format(format_name):
         return [], read_stills(folder, format_name)
-    found = {path: known for known, path in _still_folders(folder)}
+    found = {path: known for known, path in still_folders(folder)}
     stills = [still for path, known in found.items() for still in known.read(path, SMALLEST_SHARE)]
     # ImageNet has videos and stills in one folder.
     only_stills = {path for path in found if not looks_like_clips(path)}
@@ -129,19 +142,6 @@ def _find(folder: Path, format_name: str | None) -> tuple[list[Sequence], list[S
     if format_name in (None, "plain"):
         sequences += [s for clip, annotation in beside for s in read_clip(clip, annotation)]
     return sequences, stills
-
-
-def _still_folders(folder: Path) -> list[tuple[StillFormat, Path]]:
-    """The folders of annotated stills; datasets of sequences are not searched for any."""
-    from re3.data.formats import looks_like_clips
-    from re3.data.formats.files import subfolders
-    from re3.data.still_formats import find_here
-
-    if found := find_here(folder):
-        return [(found, folder)]
-    if looks_like_clips(folder):
-        return []
-    return [item for child in subfolders(folder) for item in _still_folders(child)]
 
 
 def _clip_folders(folder: Path, known: set[Path]) -> list[Path]:

@@ -15,11 +15,12 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.table import Table
 
 from re3.apps.console import INTERRUPTED, failed, stderr
-from re3.apps.options import PeersOption, SequencesOption
+from re3.apps.options import IntervalOption, PeersOption, SequencesOption, ShortTruthOption
 from re3.apps.sequences import choose_sequences, read_sequences
+from re3.data.lengths import check_lengths
 from re3.data.sequence import Sequence
 from re3.evaluation.peers import FIRST_BOX, find_tracker
-from re3.evaluation.vot import STACKS, VotScores, VotStack, score_vot
+from re3.evaluation.vot import STACKS, VotScores, VotStack, find_stack, score_vot
 from re3.evaluation.vot_results import OfficialScores, read_analysis, read_runs
 from re3.evaluation.vot_toolkit import ToolkitError, check_toolkit, run_toolkit
 from re3.evaluation.vot_workspace import EXPERIMENT, write_config, write_sequences, write_trackers
@@ -78,15 +79,8 @@ def vot(
             show_default=False,
         ),
     ] = None,
-    interval: Annotated[
-        str | None,
-        typer.Option(
-            help="Shortest and longest length in frames that EAO averages over, instead of the "
-            "stack's; for sequences shorter than the challenge's.",
-            metavar="LOW,HIGH",
-            show_default=False,
-        ),
-    ] = None,
+    interval: IntervalOption = None,
+    short_truth: ShortTruthOption = False,
     peers: PeersOption = None,
     report: Annotated[
         bool, typer.Option("--report", help="Write the toolkit's HTML report as well.")
@@ -105,8 +99,10 @@ def vot(
     """
     try:
         version = check_toolkit()
-        chosen_stack = _stack(stack, repetitions, interval)
+        chosen_stack = find_stack(stack, interval, repetitions)
         chosen = _complete(choose_sequences(read_sequences(data), sequences))
+        if not short_truth:
+            check_lengths(chosen)
         asked = _trackers(tracker or [DEFAULT_MODEL, FIRST_BOX], peers)
         write_config(workspace, chosen_stack)
         named = _write_sequences(workspace, chosen)
@@ -132,23 +128,6 @@ def vot(
             f"interrupted; finished runs are in {workspace}, the same command goes on", markup=False
         )
         raise typer.Exit(INTERRUPTED) from None
-
-
-def _stack(name: str, repetitions: int | None, interval: str | None) -> VotStack:
-    if name not in STACKS:
-        raise ValueError(f"no stack is called {name!r}; expected one of {', '.join(STACKS)}")
-    stack = STACKS[name]
-    if repetitions is not None:
-        stack = dataclasses.replace(stack, repetitions=repetitions)
-    if interval is not None:
-        try:
-            low, high = (int(part) for part in interval.split(","))
-        except ValueError:
-            raise ValueError(
-                f"--interval {interval!r} is not LOW,HIGH; expected two whole numbers"
-            ) from None
-        stack = dataclasses.replace(stack, interval=(low, high))
-    return stack
 
 
 def _trackers(asked: list[str], peers: Path | None) -> dict[str, str]:

@@ -6,7 +6,8 @@ Two kinds of annotation, both UTF-8 text named like the clip:
   or spaces; `nan,nan,nan,nan`, or a box without area, where the object is absent.
 * `clip.jsonl`, several objects: a JSON object a line and a line a frame,
   `{"frame": 0, "objects": [{"id": 1, "label": "dog", "box_xywh": [x, y, width, height]}]}`;
-  an object missing from a frame is absent there.
+  an object missing from a frame is absent there. Or a line an object and frame, as `re3 track`
+  writes results; see `re3.data.json_tracks`.
 
 A clip is a video file or a folder of images; a folder may also hold its boxes itself, as
 `groundtruth_rect.txt`, and its images under `img`. Boxes are in pixels of the stored frames and
@@ -15,14 +16,13 @@ A clip is a video file or a folder of images; a folder may also hold its boxes i
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from re3.data.json_tracks import object_box, text_lines, tracks_of
 from re3.data.sequence import Sequence
 from re3.natural_order import natural_key
 from re3.video.sources import IMAGE_SUFFIXES
@@ -52,7 +52,7 @@ def read_track(clip: str | Path, annotation: str | Path | None = None) -> Sequen
     path = _existing(Path(annotation) if annotation is not None else _truth_of(clip))
     boxes = read_boxes(path)
     for row, box in enumerate(boxes):
-        boxes[row] = _object_box(tuple(box), f"{path}, line {row + 1}") or _ABSENT
+        boxes[row] = object_box(tuple(box), f"{path}, line {row + 1}") or _ABSENT
     if np.isnan(boxes).all():
         raise ValueError(f"{path}: no line has a box; expected at least one x,y,width,height")
     images = clip / INNER_IMAGES
@@ -61,6 +61,7 @@ def read_track(clip: str | Path, annotation: str | Path | None = None) -> Sequen
         source=images if images.is_dir() else clip,
         boxes_xywh=boxes,
         dataset=_dataset_of(clip),
+        row_a_frame=True,
     )
 
 
@@ -82,26 +83,7 @@ def read_tracks(clip: str | Path, annotation: str | Path | None = None) -> list[
     """
     clip = _existing(Path(clip))
     path = _existing(Path(annotation) if annotation is not None else _beside(clip, TRACKS_SUFFIX))
-    boxes: dict[str, dict[int, tuple[float, ...]]] = {}
-    labels: dict[str, str] = {}
-    seen: set[int] = set()
-    for number, line in _lines(path):
-        if not line.strip():
-            continue
-        where = f"{path}, line {number}"
-        frame, objects = _parse_frame(line, where)
-        if frame in seen:
-            raise ValueError(f"{where}: frame {frame} comes twice; expected a line a frame")
-        seen.add(frame)
-        for item in objects:
-            key, label, box = _parse_object(item, where)
-            track = boxes.setdefault(key, {})
-            if frame in track:
-                raise ValueError(f"{where}: object {key!r} comes twice in frame {frame}")
-            if box is not None:
-                track[frame] = box
-            if label is not None:
-                labels.setdefault(key, label)
+    boxes, labels = tracks_of(path)
     sequences = []
     for key in sorted(boxes, key=natural_key):
         track = boxes[key]
@@ -182,7 +164,7 @@ def read_boxes(path: str | Path) -> NDArray[np.float64]:
         ValueError: a line is not four numbers; names the file and the line.
     """
     path = Path(path)
-    lines = _lines(path)
+    lines = text_lines(path)
     while lines and not lines[-1][1].strip():
         lines.pop()
     if not lines:
@@ -201,60 +183,16 @@ def _parse_box(line: str, where: str) -> tuple[float, ...]:
     try:
         box = tuple(float(field) for field in fields)
     except ValueError:
-        raise ValueError(f"{where}: {line.strip()!r} is not four numbers; {_EXPECTED}") from None
+        table = " (a table with a header?)" if where.endswith(", line 1") else ""
+        raise ValueError(
+            f"{where}: {line.strip()!r} is not four numbers{table}; {_EXPECTED}"
+        ) from None
     if len(box) != 4:
-        raise ValueError(f"{where}: {len(box)} numbers in {line.strip()!r}; {_EXPECTED}")
+        lines = " (lines of MOTChallenge, frame,id,x,y,width,height,...?)" if len(box) > 6 else ""
+        raise ValueError(f"{where}: {len(box)} numbers in {line.strip()!r}{lines}; {_EXPECTED}")
     if not np.isfinite(box).all() and not np.isnan(box).all():
         raise ValueError(f"{where}: {line.strip()!r} is not finite; {_EXPECTED}")
     return box
-
-
-def _object_box(box: tuple[float, ...], where: str) -> tuple[float, ...] | None:
-    """The box, or None where it says that the object is absent: all NaN, or without area."""
-    if np.isnan(box).all():
-        return None
-    if not np.isfinite(box).all() or box[2] < 0 or box[3] < 0:
-        numbers = ", ".join(f"{value:g}" for value in box)
-        raise ValueError(f"{where}: box {numbers} is not finite or has a negative size")
-    return box if box[2] > 0 and box[3] > 0 else None
-
-
-def _parse_frame(line: str, where: str) -> tuple[int, list[Any]]:
-    expected = 'expected {"frame": 0, "objects": [...]}'
-    try:
-        record = json.loads(line)
-    except json.JSONDecodeError as error:
-        raise ValueError(f"{where}: not JSON ({error}); {expected}") from error
-    if not isinstance(record, dict) or not isinstance(record.get("objects"), list):
-        raise ValueError(f"{where}: no list of objects; {expected}")
-    frame = record.get("frame")
-    if not isinstance(frame, int) or isinstance(frame, bool) or frame < 0:
-        raise ValueError(f"{where}: frame is {frame!r}; expected a whole number from 0 on")
-    return frame, record["objects"]
-
-
-def _parse_object(item: Any, where: str) -> tuple[str, str | None, tuple[float, ...] | None]:
-    expected = 'expected {"id": 1, "label": "dog", "box_xywh": [x, y, width, height]}'
-    if not isinstance(item, dict) or not isinstance(item.get("id"), (int, str)):
-        raise ValueError(f"{where}: object {item!r} has no id; {expected}")
-    box = item.get("box_xywh")
-    if not isinstance(box, list) or len(box) != 4:
-        raise ValueError(f"{where}: box {box!r} of object {item['id']!r}; {expected}")
-    try:
-        numbers = tuple(float(value) for value in box)
-    except (TypeError, ValueError):
-        raise ValueError(f"{where}: box {box!r} is not four numbers; {expected}") from None
-    label = item.get("label")
-    name = None if label is None else str(label)
-    return str(item["id"]), name, _object_box(numbers, where)
-
-
-def _lines(path: Path) -> list[tuple[int, str]]:
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{path} is not UTF-8 text ({error}); expected an annotation") from error
-    return list(enumerate(text.splitlines(), start=1))
 
 
 def _existing(path: Path) -> Path:

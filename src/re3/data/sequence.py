@@ -38,6 +38,8 @@ class Sequence:
         polygons: T of them, `[P, 2]` each, x and y in pixels, P of 3 or more: the object's corners
             where the dataset gives them in place of an upright box; `boxes_xywh` has the outermost
             upright box. None for a frame without, or where there is none at all. Made read-only.
+        row_a_frame: the annotation is of a form that has a row for every frame of the source, so
+            that fewer rows than frames are a sign of a mistake.
 
     Raises:
         ValueError: the boxes are not `[T, 4]` with T above 0, a row is neither NaN throughout nor
@@ -54,6 +56,7 @@ class Sequence:
     occluded: NDArray[np.bool_] | None = None
     attributes: tuple[str, ...] = ()
     polygons: tuple[NDArray[np.float64] | None, ...] | None = None
+    row_a_frame: bool = False
 
     def __post_init__(self) -> None:
         boxes = np.array(self.boxes_xywh, dtype=np.float64)

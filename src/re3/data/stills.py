@@ -32,6 +32,7 @@ class Still:
         relative: boxes are shares of the picture's width and height.
         dataset: the name of the dataset, that of its folder.
         smallest_share: of the image that a random patch covers at least.
+        notes: what was put right in its annotation, a sentence each.
     """
 
     image: Path
@@ -40,6 +41,7 @@ class Still:
     relative: bool = False
     dataset: str = ""
     smallest_share: float = SMALLEST_SHARE
+    notes: tuple[str, ...] = ()
 
     @property
     def masked(self) -> bool:
@@ -102,6 +104,7 @@ def make_still(
     masks: list[Mask | None] | None = None,
     relative: bool = False,
     dataset: str = "",
+    notes: tuple[str, ...] = (),
 ) -> Still | None:
     """A picture with those of its objects that are large enough; None without any.
 
@@ -112,7 +115,7 @@ def make_still(
         smallest_share: of the picture; objects that cover less are left out, and so are boxes
             without an area.
         masks: one for each box; by default there are none.
-        relative, dataset: see `Still`.
+        relative, dataset, notes: see `Still`.
     """
     boxes = np.asarray(boxes_xywh, dtype=np.float64).reshape(-1, 4)
     kept = np.isfinite(boxes).all(axis=1) & (boxes[:, 2:] > 0).all(axis=1)
@@ -121,4 +124,4 @@ def make_still(
         return None
     all_masks = masks if masks is not None else [None] * len(boxes)
     chosen = tuple(mask for mask, keep in zip(all_masks, kept, strict=True) if keep)
-    return Still(image, boxes[kept], chosen, relative, dataset, smallest_share)
+    return Still(image, boxes[kept], chosen, relative, dataset, smallest_share, notes)

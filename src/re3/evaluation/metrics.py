@@ -10,6 +10,14 @@ The measures of the one-pass evaluation (Wu, Lim, Yang: Online object tracking: 
 * A frame for which the tracker has no box (NaN) is one with overlap 0 and infinite distance.
 * An overlap has to be above a threshold (`>`), a distance at or below it (`<=`).
 
+With `otb_rules` the figures are those of OTB's MATLAB toolkit to the last frame (its
+`calcSeqErrRobust` and `genPerfMat`), which differs where boxes are missing:
+
+* where the tracker has no box, or one without an area, its last box is repeated;
+* a frame without a true box, or whose true box has x or y at or below 0 in OTB's pixels, counted
+  from 1, is compared with nothing: it is a miss of every overlap and a hit of every distance, and
+  counts in the number of frames all the same.
+
 Box arrays are `[T, 4]`, xywh in pixels.
 """
 
@@ -68,25 +76,76 @@ class Scores:
         return cls(**{f.name: _mean([getattr(s, f.name) for s in scores]) for f in fields(cls)})
 
 
-def score(predicted_xywh: ArrayLike, truth_xywh: ArrayLike) -> Scores:
+@dataclass(frozen=True, eq=False)
+class FrameErrors:
+    """How far a track is from the truth in each frame that counts.
+
+    Attributes:
+        frames: `[N]`, their indices.
+        overlaps: `[N]`, 0..1; -1 where a frame counts and is compared with nothing (OTB's rules).
+        distances: `[N]`, of the centres in pixels, infinite without a box; -1 likewise.
+        normalised: `[N]`, the same in true widths and heights.
+    """
+
+    frames: NDArray[np.intp]
+    overlaps: Floats
+    distances: Floats
+    normalised: Floats
+
+
+def frame_errors(
+    predicted_xywh: ArrayLike, truth_xywh: ArrayLike, *, otb_rules: bool = False
+) -> FrameErrors:
+    """Compare a track with its truth, frame by frame; arguments and errors as of `score`."""
+    predicted, truth = with_given_frame(predicted_xywh, truth_xywh)
+    frames = np.flatnonzero(np.isfinite(np.asarray(truth_xywh, dtype=np.float64)).all(axis=1))
+    if otb_rules:
+        return _otb_errors(np.asarray(predicted_xywh), np.asarray(truth_xywh), int(frames[0]))
+    return FrameErrors(
+        frames,
+        overlap(predicted, truth),
+        centre_distance(predicted, truth),
+        normalised_distance(predicted, truth),
+    )
+
+
+def _otb_errors(predicted: Floats, truth: Floats, first: int) -> FrameErrors:
+    """The same by the rules of OTB's toolkit, from the first annotated frame on."""
+    predicted, truth = predicted[first:].astype(np.float64), truth[first:].astype(np.float64)
+    predicted[0] = truth[0]
+    for t in range(1, len(predicted)):
+        box = predicted[t]
+        missing = np.isnan(box).all() or box[2] <= 0 or box[3] <= 0
+        if missing and not np.isnan(truth[t]).any():
+            predicted[t] = predicted[t - 1]
+    # In the toolkit's pixels, counted from 1; NaN is not above 0.
+    compared = (truth + np.array([1.0, 1.0, 0.0, 0.0]) > 0).all(axis=1)
+    frames = np.arange(first, first + len(truth))
+    errors = (overlap, centre_distance, normalised_distance)
+    return FrameErrors(
+        frames, *(np.where(compared, error(predicted, truth), -1.0) for error in errors)
+    )
+
+
+def score(predicted_xywh: ArrayLike, truth_xywh: ArrayLike, *, otb_rules: bool = False) -> Scores:
     """All figures of one track.
 
     Args:
         predicted_xywh: `[T, 4]`; NaN where the tracker gave no box.
         truth_xywh: `[T, 4]`; NaN where there is no truth.
+        otb_rules: count frames as OTB's toolkit does, see the head of this module. AO, SR.50 and
+            SR.75, which it does not have, are then over the frames that are compared.
 
     Raises:
         ValueError: shapes differ or are not `[T, 4]`, or no frame has truth.
     """
-    predicted, truth = with_given_frame(predicted_xywh, truth_xywh)
-    overlaps = overlap(predicted, truth)
-    distances = centre_distance(predicted, truth)
-    normalised = normalised_distance(predicted, truth)
-    followed = overlaps[1:]
+    errors = frame_errors(predicted_xywh, truth_xywh, otb_rules=otb_rules)
+    followed = errors.overlaps[1:]
+    followed = followed[followed >= 0]
     return Scores(
-        auc=float(success_curve(overlaps).mean()),
-        precision=float(precision_curve(distances)[PRECISION_AT]),
-        normalised_precision=float(normalised_precision_curve(normalised).mean()),
+        auc=float(success_curve(errors.overlaps).mean()),
+        precision=float(precision_curve(errors.distances)[PRECISION_AT]),
+        normalised_precision=float(normalised_precision_curve(errors.normalised).mean()),
         ao=_mean(followed),
         sr50=_mean(followed > 0.5),
         sr75=_mean(followed > 0.75),

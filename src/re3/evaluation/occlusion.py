@@ -10,15 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from re3.evaluation.metrics import (
-    PRECISION_AT,
-    Scores,
-    centre_distance,
-    overlap,
-    precision_curve,
-    success_curve,
-    with_given_frame,
-)
+from re3.evaluation.metrics import PRECISION_AT, Scores, precision_curve, success_curve
 from re3.evaluation.sequence_result import SequenceResult, grouped
 
 
@@ -109,10 +101,10 @@ def _row(dataset: str, tracker: str, group: list[SequenceResult]) -> OcclusionRo
     overlaps, distances, occluded = [], [], []
     for result in group:
         assert result.sequence.occluded is not None
-        pair = with_given_frame(result.track.boxes_xywh, result.sequence.boxes_xywh)
-        overlaps.append(overlap(*pair))
-        distances.append(centre_distance(*pair))
-        occluded.append(result.sequence.occluded[result.sequence.annotated])
+        errors = result.errors()
+        overlaps.append(errors.overlaps)
+        distances.append(errors.distances)
+        occluded.append(result.sequence.occluded[errors.frames])
     mask = np.concatenate(occluded)
     everywhere = _figures(np.concatenate(overlaps), np.concatenate(distances))
     hidden = _figures(np.concatenate(overlaps)[mask], np.concatenate(distances)[mask])
@@ -127,6 +119,6 @@ def _figures(overlaps: np.ndarray, distances: np.ndarray) -> FrameFigures:
     return FrameFigures(
         auc=float(success_curve(overlaps).mean()),
         precision=float(precision_curve(distances)[PRECISION_AT]),
-        overlap=float(overlaps.mean()),
+        overlap=float(np.maximum(overlaps, 0.0).mean()),
         frames=len(overlaps),
     )

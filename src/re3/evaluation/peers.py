@@ -83,6 +83,7 @@ class TrackerInfo:
         missing: why it is not available; None where it is.
         seeded: the tracker draws numbers, and its factory takes their `seed`.
         published: folder of published boxes, which are shown in place of running anything.
+        first_pixel: what published boxes call the first column and row of an image, 0 or 1.
     """
 
     name: str
@@ -91,6 +92,7 @@ class TrackerInfo:
     missing: str | None = None
     seeded: bool = False
     published: Path | None = None
+    first_pixel: int = 0
 
 
 def seeded_factory(info: TrackerInfo, seed: int) -> TrackerFactory:

@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from re3.evaluation import metrics
+from re3.evaluation.metrics import FrameErrors
 from re3.evaluation.plots import Curve
 from re3.evaluation.sequence_result import SequenceResult
 
 Floats = NDArray[np.float64]
-Pair = tuple[Floats, Floats]
-"""Predicted and true boxes of the annotated frames of a track, `[N, 4]` each."""
 
 
 def by_tracker(results: list[SequenceResult]) -> dict[str, list[SequenceResult]]:
@@ -27,13 +26,13 @@ def by_tracker(results: list[SequenceResult]) -> dict[str, list[SequenceResult]]
 def mean_curves(
     results: list[SequenceResult],
     thresholds: Floats,
-    curve_of: Callable[[Pair], Floats],
+    curve_of: Callable[[FrameErrors], Floats],
     figure_of: Callable[[Floats], float],
 ) -> list[Curve]:
     """A curve a tracker, the mean over its sequences."""
     made = []
     for tracker, group in by_tracker(results).items():
-        mean = np.mean([curve_of(_pair(result)) for result in group], axis=0)
+        mean = np.mean([curve_of(result.errors()) for result in group], axis=0)
         made.append(Curve(tracker, thresholds, mean, float(figure_of(mean))))
     return made
 
@@ -67,30 +66,25 @@ def _success_of(tracker: str, overlaps: Floats) -> Curve:
 
 
 def _occluded(result: SequenceResult) -> NDArray[np.bool_]:
-    sequence = result.sequence
-    assert sequence.occluded is not None, "only sequences with marks are asked"
-    return sequence.occluded[sequence.annotated]
-
-
-def _pair(result: SequenceResult) -> Pair:
-    return metrics.with_given_frame(result.track.boxes_xywh, result.sequence.boxes_xywh)
+    assert result.sequence.occluded is not None, "only sequences with marks are asked"
+    return result.sequence.occluded[result.errors().frames]
 
 
 def overlaps_of(result: SequenceResult) -> Floats:
-    """Overlap `[N]` of the annotated frames of a track."""
-    return metrics.overlap(*_pair(result))
+    """Overlap `[N]` of the frames of a track that count."""
+    return result.errors().overlaps
 
 
-def success(pair: Pair) -> Floats:
+def success(errors: FrameErrors) -> Floats:
     """The success curve `[21]` of a track."""
-    return metrics.success_curve(metrics.overlap(*pair))
+    return metrics.success_curve(errors.overlaps)
 
 
-def precision(pair: Pair) -> Floats:
+def precision(errors: FrameErrors) -> Floats:
     """The precision curve `[51]` of a track."""
-    return metrics.precision_curve(metrics.centre_distance(*pair))
+    return metrics.precision_curve(errors.distances)
 
 
-def normalised_precision(pair: Pair) -> Floats:
+def normalised_precision(errors: FrameErrors) -> Floats:
     """The normalised precision curve `[51]` of a track."""
-    return metrics.normalised_precision_curve(metrics.normalised_distance(*pair))
+    return metrics.normalised_precision_curve(errors.normalised)

@@ -54,10 +54,14 @@ def dataset_plots(run: Run, dataset: str, slug: str, styles: Styles) -> list[Plo
         slug: the same for the names of files.
         styles: of all trackers of the run, the one to be shown off first.
     """
+    # Means over sequences leave those out that have nothing to compare with.
+    means = run.protocol.one_pass and not run.protocol.pools_boxes
     results = [
         result
         for result in run.results
-        if result.sequence.dataset == dataset and not result.track.unscored
+        if result.sequence.dataset == dataset
+        and not result.track.unscored
+        and (result.comparable or not means)
     ]
     if not results:
         return []
@@ -69,6 +73,7 @@ def dataset_plots(run: Run, dataset: str, slug: str, styles: Styles) -> list[Plo
         made.append(one_pass_trade_off(run, title, slug, results, styles))
         made += _occlusion(title, slug, results, styles)
     made += trade_off(run, dataset, title, slug, styles)
+    made += _occluded_eao(run, dataset, title, slug, styles)
     made += _bars(run, dataset, title, slug, styles)
     if run.protocol.one_pass:
         made += _attributes(title, slug, results, styles)
@@ -185,6 +190,27 @@ def _occlusion(title: str, slug: str, results: list[SequenceResult], styles: Sty
             ),
         ),
     ]
+
+
+def _occluded_eao(run: Run, dataset: str, title: str, slug: str, styles: Styles) -> list[Plot]:
+    """Expected overlap over all frames and over occluded ones (Re3, sec. IV-E), of VOT."""
+    pairs = [
+        OcclusionPair(row.tracker, figures["eao"], figures["eao_occluded"])
+        for row in run.tracker_rows
+        if row.dataset == dataset
+        and np.isfinite((figures := row.figures.mean).get("eao_occluded", np.nan))
+        and np.isfinite(figures["eao"])
+    ]
+    if not pairs:
+        return []
+    caption = (
+        "Expected average overlap (EAO) over all frames (filled), and with stretches weighted by "
+        "their share of occluded frames (hollow)."
+    )
+    figure = plots.occlusion_plot(
+        pairs, styles, title=f"{title}: all and occluded frames", x_label="EAO"
+    )
+    return [Plot(f"occlusion-{slug}", caption, figure)]
 
 
 def _bars(run: Run, dataset: str, title: str, slug: str, styles: Styles) -> list[Plot]:

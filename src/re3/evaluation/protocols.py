@@ -6,7 +6,7 @@ A figure that is not defined is NaN.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import lru_cache, partial
 
 from re3.data.framing import FRAMINGS, frame_otherwise
@@ -30,29 +30,57 @@ from re3.evaluation.protocol import Axis, Figures, Measure, Protocol, clip_of
 from re3.evaluation.reappearance import ALIVE, reappearance
 from re3.evaluation.sequence_result import SequenceResult
 from re3.evaluation.supervised import SupervisedConfig
-from re3.evaluation.vot import STACKS, VotRuns, score_vot
+from re3.evaluation.vot import VotRuns, VotStack, find_stack, score_vot
 
 DEFAULT_STACK = "vot2016"
+_OTB = ("ope", "tre", "sre")
 
 
-def find_protocol(name: str, stack: str = DEFAULT_STACK) -> Protocol:
+def find_protocol(
+    name: str, stack: str | VotStack = DEFAULT_STACK, *, occluded: bool = False
+) -> Protocol:
     """A protocol by name.
 
     Args:
         name: `ope`, `tre`, `sre`, `starts`, `imagenet-vid`, `ablation`, `hidden`, `framed` or
             `vot`.
         stack: of the VOT protocol, the challenge whose lengths its EAO averages over.
+        occluded: of the VOT protocol, also the expected overlap on occluded frames.
 
     Raises:
         ValueError: no such protocol, or no such challenge.
     """
-    if stack not in STACKS:
-        raise ValueError(f"no VOT challenge {stack!r}; expected one of {', '.join(STACKS)}")
+    if isinstance(stack, str):
+        stack = find_stack(stack)
     if name == "vot":
-        return _vot(stack)
+        return _vot(stack, occluded)
     if name not in _PROTOCOLS:
         raise ValueError(f"no protocol {name!r}; expected one of {', '.join(PROTOCOLS)}")
     return _PROTOCOLS[name]
+
+
+def with_otb_rules(protocol: Protocol) -> Protocol:
+    """A protocol whose figures count frames as OTB's toolkit does; see `re3.evaluation.metrics`.
+
+    Its results have to be made with `otb_rules`, too.
+
+    Raises:
+        ValueError: its figures are not OTB's.
+    """
+    if protocol.name not in _OTB:
+        raise ValueError(
+            f"--otb-rules is of OTB's experiments, {', '.join(_OTB)}, not of {protocol.name}; "
+            "leave it out, or take one of them"
+        )
+    return replace(
+        protocol,
+        title=f"{protocol.title}, OTB's rules",
+        conventions=(
+            f"{protocol.conventions} By the rules of OTB's toolkit: where a tracker has no box its "
+            "last one is repeated; a frame without a true box, or whose true box has x or y at or "
+            "below 0, counts as a miss in success and as a hit in precision."
+        ),
+    )
 
 
 def _ope_figures(results: list[SequenceResult]) -> Figures:
@@ -100,13 +128,15 @@ def _ablation_figures(results: list[SequenceResult]) -> Figures:
     return {name: float(value) for name, value in asdict(ablation(results)).items()}
 
 
-def _vot_figures(results: list[SequenceResult], stack: str) -> Figures:
+def _vot_figures(
+    results: list[SequenceResult], stack: VotStack, measures: tuple[Measure, ...]
+) -> Figures:
     groups: dict[tuple[str, str], list[SequenceResult]] = {}
     for result in results:
         if not result.track.unscored:
             key = (result.sequence.dataset, result.sequence.name)
             groups.setdefault(key, []).append(result)
-    names = [measure.name for measure in _VOT_MEASURES]
+    names = [measure.name for measure in measures]
     if not groups:
         return dict.fromkeys(names, math.nan)
     runs = []
@@ -114,8 +144,9 @@ def _vot_figures(results: list[SequenceResult], stack: str) -> Figures:
         sequence = group[0].sequence
         tracks = [result.supervised for result in group if result.supervised is not None]
         size = _frame_size(sequence)
-        runs.append(VotRuns(sequence.name, sequence.boxes_xywh, size, tracks, sequence.polygons))
-    scores = score_vot(runs, STACKS[stack])
+        truth, marks = sequence.boxes_xywh, sequence.occluded
+        runs.append(VotRuns(sequence.name, truth, size, tracks, sequence.polygons, marks))
+    scores = score_vot(runs, stack)
     return {name: float(getattr(scores, name)) for name in names}
 
 
@@ -135,28 +166,38 @@ _VOT_MEASURES = (
 )
 
 
-def _vot(stack: str) -> Protocol:
-    found = STACKS[stack]
+_OCCLUDED_EAO = Measure("eao_occluded", "EAO occluded")
+
+
+def _vot(stack: VotStack, occluded: bool) -> Protocol:
+    measures: tuple[Measure, ...] = _VOT_MEASURES
+    if occluded:
+        measures = (measures[0], _OCCLUDED_EAO, *measures[1:])
     lengths = (
         "which has no EAO"
-        if found.interval is None
-        else f"EAO over lengths {found.interval[0]} to {found.interval[1]}"
+        if stack.interval is None
+        else f"EAO over lengths {stack.interval[0]} to {stack.interval[1]}"
     )
     return Protocol(
         name="vot",
-        title=f"VOT's supervised experiment, {stack}",
+        title=f"VOT's supervised experiment, {stack.name}",
         conventions=(
-            f"The supervised experiment of VOT with the settings of {stack}, {lengths}: a tracker "
-            "has failed where its box and the truth do not overlap, and is started again with the "
-            f"truth {found.restart_after} frames later. Where the truth is a polygon, overlap is "
-            f"that with the polygon. {found.burn_in} frames from a start on do "
-            "not count for accuracy (A). Robustness (R) is failures a sequence, less is better; "
+            f"The supervised experiment of VOT with the settings of {stack.name}, {lengths}: a "
+            "tracker has failed where its box and the truth have no pixel in common, and is "
+            f"started again with the truth {stack.restart_after} frames later. Where the truth is "
+            f"a polygon, overlap is that with the polygon. {stack.burn_in} frames from a start on "
+            "do not count for accuracy (A). Robustness (R) is failures a sequence, less is better; "
             "both are weighted by the sequences' lengths. S(30): chance of following for "
             "30 frames."
+            + (
+                " EAO occluded: stretches weighted by their share of frames marked as occluded."
+                if occluded
+                else ""
+            )
         ),
-        supervised=SupervisedConfig(restart_after=found.restart_after, by_polygon=True),
-        summarise=partial(_vot_figures, stack=stack),
-        measures=_VOT_MEASURES,
+        supervised=SupervisedConfig(restart_after=stack.restart_after, by_pixels=True),
+        summarise=partial(_vot_figures, stack=stack, measures=measures),
+        measures=measures,
         by_sequence=("accuracy", "failures"),
         pools_repeats=True,
         trade_off=(

@@ -31,6 +31,14 @@ PICTURE_WIDTH = 480
 """Pixels; wider frames are made smaller for the grid."""
 CELL_WIDTH = 1.75
 """Inches of a picture in the grid."""
+LINE = 1.1
+"""Points of the widest line of a box."""
+LINE_SHARE = 0.1
+"""Of the shorter side of a box, which its line takes at most: small objects stay visible."""
+FINEST = 0.2
+"""Points of the finest line."""
+_DASHES = (0, (3, 3))
+"""Of the tracker's box, in widths of its line: the truth shows between them where both are one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +114,9 @@ def qualitative_plot(
 ) -> Figure:
     """The examples as a grid: the frames of each side by side, its name and overlap below.
 
+    The truth is drawn as a green line, the tracker's box as red dashes above it; lines are the
+    finer the smaller the object.
+
     Args:
         examples: each with one or two frames.
         columns: examples in a row.
@@ -133,7 +144,10 @@ def qualitative_plot(
             for axes, shot in zip(cells[row, 2 * column :], example.shots, strict=False):
                 _draw(axes, example.name, shot)
         lines = require("matplotlib.lines")
-        handles = [lines.Line2D([], [], color=colour, linewidth=2) for colour in (TRUTH, TRACKER)]
+        handles = [
+            lines.Line2D([], [], color=colour, linewidth=2, linestyle=style)
+            for colour, style in ((TRUTH, "-"), (TRACKER, _DASHES))
+        ]
         figure.legend(
             handles, ["truth", plain(tracker)], loc="outside upper center", ncols=2, frameon=False
         )
@@ -153,19 +167,35 @@ def _shot(
     return Shot(number, image, truth * scale, box * scale)
 
 
+def _line_width(side: float, width: int) -> float:
+    """Points of the line of a box.
+
+    Args:
+        side: the shorter side of the box in pixels of the picture.
+        width: of the picture in pixels.
+    """
+    points = side * 72 * CELL_WIDTH / width
+    return float(np.clip(LINE_SHARE * points, FINEST, LINE))
+
+
 def _draw(axes: Axes, name: str, shot: Shot) -> None:
     patches, effects = require("matplotlib.patches"), require("matplotlib.patheffects")
     height, width = shot.image.shape[:2]
     axes.imshow(shot.image[:, :, ::-1], extent=(0, width, height, 0), interpolation="antialiased")
-    boxes = [(shot.truth_xywh, TRUTH), (shot.tracker_xywh, TRACKER)]
+    boxes = [(shot.truth_xywh, TRUTH, "-"), (shot.tracker_xywh, TRACKER, _DASHES)]
     # In the first frame the tracker was given the truth.
-    for box, colour in boxes[:1] if shot.number == 1 else boxes:
+    for box, colour, style in boxes[:1] if shot.number == 1 else boxes:
         if np.isfinite(box).all():
             x, y, w, h = box
-            rectangle = patches.Rectangle((x, y), w, h, fill=False, edgecolor=colour, linewidth=1.4)
-            rectangle.set_path_effects(
-                [effects.withStroke(linewidth=2.4, foreground="black", alpha=0.6)]
+            line = _line_width(min(w, h), width)
+            rectangle = patches.Rectangle(
+                (x, y), w, h, fill=False, edgecolor=colour, linewidth=line, linestyle=style
             )
+            if colour == TRUTH:
+                # A dark rim keeps it visible on its own colour; about the tracker's box it would
+                # hide the truth.
+                rim = effects.withStroke(linewidth=1.5 * line, foreground="black", alpha=0.5)
+                rectangle.set_path_effects([rim])
             axes.add_patch(rectangle)
     # Boxes that reach outside do not make the picture smaller.
     axes.set(xlim=(0, width), ylim=(height, 0))

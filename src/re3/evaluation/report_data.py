@@ -9,6 +9,7 @@ import math
 from dataclasses import asdict
 from typing import Any
 
+from re3.csv_text import csv_text
 from re3.evaluation.occlusion import attribute_means, occlusion_table
 from re3.evaluation.one_pass import decode_time, frames_per_second
 from re3.evaluation.sequence_result import SequenceResult
@@ -93,6 +94,8 @@ def _sequence_record(run: Run, result: SequenceResult) -> dict[str, Any]:
 def _cell(value: Any) -> Any:
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return ""
+    if isinstance(value, str):
+        return csv_text(value)
     return value
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from re3.evaluation.markdown import markdown_table
+from re3.evaluation.markdown import markdown_code, markdown_table, markdown_text
 from re3.evaluation.report_tables import (
     TextTable,
     occlusion_tables,
@@ -21,8 +21,8 @@ def to_markdown(run: Run) -> str:
     lines = [
         f"# {run.protocol.title}",
         "",
-        f"- command: `{run.command}`",
-        f"- data: {', '.join(f'`{folder}`' for folder in run.data)}",
+        f"- command: {markdown_code(run.command)}",
+        f"- data: {', '.join(map(markdown_code, run.data))}",
         f"- machine: {environment.cpu}, {environment.cores} cores, {environment.system}, "
         f"load {environment.load:.1f} before the run",
         f"- sequences at the same time: {run.jobs or 1}",
@@ -32,20 +32,23 @@ def to_markdown(run: Run) -> str:
         run.protocol.conventions,
     ]
     if run.timing_is_comparable:
-        lines.append("FPS: one over the median time of an update, without decoding.")
+        lines.append(
+            "FPS: updates over the time that all of them took, without starts and decoding; 95 % "
+            "of updates take no longer than p95."
+        )
     for dataset in run.datasets:
         summary = summary_table(run, dataset)
-        lines += ["", f"## {summary.title}", "", *_table(summary)]
+        lines += ["", f"## {markdown_text(summary.title)}", "", *_table(summary)]
         for table in (
             *speed_tables(run, dataset),
             *time_tables(run, dataset),
             *sequence_tables(run, dataset),
         ):
-            lines += ["", f"### {table.title}", "", *_table(table)]
+            lines += ["", f"### {markdown_text(table.title)}", "", *_table(table)]
     for table in occlusion_tables(run):
-        lines += ["", f"## {table.title}", "", *_table(table)]
+        lines += ["", f"## {markdown_text(table.title)}", "", *_table(table)]
     if said := notes(run):
-        lines += ["", "## Remarks", "", *(f"- {note}" for note in said)]
+        lines += ["", "## Remarks", "", *(f"- {markdown_text(note)}" for note in said)]
     return "\n".join(lines) + "\n"
 
 

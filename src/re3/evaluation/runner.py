@@ -76,6 +76,7 @@ def run(
     repeats: int = 1,
     jobs: int = 0,
     timeout: float = TIMEOUT,
+    otb_rules: bool = False,
 ) -> list[SequenceResult]:
     """Run every tracker over every sequence.
 
@@ -97,6 +98,7 @@ def run(
             on it, the times do. 0 runs them one after the other in this process, where one that
             hangs cannot be stopped.
         timeout: seconds a tracker may take for a frame before its process is stopped.
+        otb_rules: count frames as OTB's toolkit does; of one pass.
 
     Returns:
         the results, sequence by sequence, in the order of the trackers, then of the repetitions.
@@ -122,14 +124,14 @@ def run(
     for index, job in enumerate(planned):
         _clear_after_kill(job)
         if (given := _at_hand(job, supervised, resume)) is not None:
-            results[index] = _result(job, given, reused=job.info.published is None)
+            results[index] = _result(job, given, otb_rules, reused=job.info.published is None)
             told.ended(index)
     open_jobs = [index for index in range(len(planned)) if index not in results]
     for index, given in _run_jobs(planned, open_jobs, supervised, jobs, timeout, told):
         job = planned[index]
         if job.path is not None:
             _save(job.path, given)
-        results[index] = _result(job, given)
+        results[index] = _result(job, given, otb_rules)
         told.ended(index)
     return [results[index] for index in range(len(planned))]
 
@@ -210,7 +212,7 @@ def _clear(task: Task) -> None:
 def _at_hand(job: _Job, supervised: SupervisedConfig | None, resume: bool) -> Given | None:
     """What need not be run: published boxes, or the complete results of an earlier run."""
     if job.info.published is not None:
-        return published_track(job.info.published, job.sequence)
+        return published_track(job.info.published, job.sequence, job.info.first_pixel)
     if not resume or job.path is None or not job.sequence.annotated.any():
         return None
     if supervised is None:
@@ -227,8 +229,10 @@ def _save(path: Path, given: Given) -> None:
         save_track(path, given)
 
 
-def _result(job: _Job, given: Given, reused: bool = False) -> SequenceResult:
-    return SequenceResult.of(job.info.name, job.sequence, given, reused, job.repeat)
+def _result(job: _Job, given: Given, otb_rules: bool, reused: bool = False) -> SequenceResult:
+    return SequenceResult.of(
+        job.info.name, job.sequence, given, reused, job.repeat, otb_rules=otb_rules
+    )
 
 
 def _check(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from re3.data.sequence import Sequence
-from re3.evaluation.metrics import Scores, score
+from re3.evaluation.metrics import FrameErrors, Scores, frame_errors, score
 from re3.evaluation.one_pass import Track
 from re3.evaluation.supervised import SupervisedTrack
 
@@ -19,10 +19,11 @@ class SequenceResult:
         sequence: what it ran on.
         track: what it gave.
         scores: how good that is in one pass; undefined (NaN) where the tracker was started again,
-            and where the failure is not its own.
+            where the failure is not its own, and where no frame but that of the start has truth.
         reused: read back from an earlier run's files; its times are of that run.
         supervised: the same with the failures and restarts, where the protocol has them.
         repeat: which repetition of the run it is of, from 0.
+        otb_rules: frames are counted as OTB's toolkit does.
     """
 
     tracker: str
@@ -32,6 +33,7 @@ class SequenceResult:
     reused: bool = False
     supervised: SupervisedTrack | None = None
     repeat: int = 0
+    otb_rules: bool = False
 
     @classmethod
     def of(
@@ -41,16 +43,29 @@ class SequenceResult:
         given: Track | SupervisedTrack,
         reused: bool = False,
         repeat: int = 0,
+        *,
+        otb_rules: bool = False,
     ) -> SequenceResult:
         """The result of what a run gave, scored."""
         if isinstance(given, SupervisedTrack):
             track = given.as_track()
             return cls(tracker, sequence, track, Scores.undefined(), reused, given, repeat)
-        if given.unscored:
+        if given.unscored or int(sequence.annotated.sum()) < 2:
             scores = Scores.undefined()
         else:
-            scores = score(given.boxes_xywh, sequence.boxes_xywh)
-        return cls(tracker, sequence, given, scores, reused, None, repeat)
+            scores = score(given.boxes_xywh, sequence.boxes_xywh, otb_rules=otb_rules)
+        return cls(tracker, sequence, given, scores, reused, None, repeat, otb_rules)
+
+    def errors(self) -> FrameErrors:
+        """How far the track is from the truth, frame by frame; one with truth is needed."""
+        return frame_errors(
+            self.track.boxes_xywh, self.sequence.boxes_xywh, otb_rules=self.otb_rules
+        )
+
+    @property
+    def comparable(self) -> bool:
+        """There is truth beside the box that the tracker was given."""
+        return int(self.sequence.annotated.sum()) > 1
 
 
 Group = tuple[str, str]

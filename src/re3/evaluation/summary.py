@@ -22,7 +22,7 @@ class TrackerRow:
         sequences: how many were run, each counted once.
         failed: how many runs broke off.
         figures: of the protocol.
-        fps: one over the median time of an update.
+        fps: updates over the time that all of them took.
         latency: percentiles of that time.
         decode_seconds: median time to read a frame.
         parts: where the time of a frame goes.
@@ -69,6 +69,7 @@ class Run:
         protocol: that trackers were run with.
         jobs: how many ran at the same time; with more than one, times say nothing of a tracker.
         results: as `re3.evaluation.runner.run` gives them.
+        remarks: what else a reader must know, a sentence each.
     """
 
     command: str
@@ -77,6 +78,7 @@ class Run:
     protocol: Protocol
     jobs: int
     results: list[SequenceResult]
+    remarks: tuple[str, ...] = ()
 
     @property
     def datasets(self) -> list[str]:
@@ -147,7 +149,7 @@ class Run:
 
 def notes(run: Run) -> list[str]:
     """What a reader must know besides the figures, a sentence each."""
-    said = []
+    said = list(run.remarks)
     for result in run.results:
         if result.track.failure is None:
             continue
@@ -159,6 +161,12 @@ def notes(run: Run) -> list[str]:
             meaning = "counted as a failure there, and not started again"
         name, failure = result.sequence.name, result.track.failure
         said.append(f"{result.tracker} failed on {name}, {failure}; {meaning}")
+    said += _without_truth(run)
+    if run.tracker_rows and all(math.isnan(r.figures.mean.get("eao", 0)) for r in run.tracker_rows):
+        said.append(
+            "no EAO: no stretch is as long as the challenge's shortest length; give --interval "
+            "LOW,HIGH for shorter sequences"
+        )
     said += _reused(run.results)
     if not run.timing_is_comparable:
         said.append(
@@ -166,6 +174,21 @@ def notes(run: Run) -> list[str]:
             "be those of a tracker that has the machine to itself; measure them with --jobs 1"
         )
     return said
+
+
+def _without_truth(run: Run) -> list[str]:
+    """What to say of sequences that have truth in the frame of the start alone."""
+    if not run.protocol.one_pass or run.protocol.pools_boxes:
+        return []
+    names = [result.sequence.name for result in run.results if not result.comparable]
+    names = list(dict.fromkeys(names))
+    if not names:
+        return []
+    return [
+        f"{len(names)} sequence{'s have' if len(names) > 1 else ' has'} truth in the frame of the "
+        "start alone, so that there is nothing to compare with; left out of the figures: "
+        f"{', '.join(names[:5])}" + (" ..." if len(names) > 5 else "")
+    ]
 
 
 def _reused(results: list[SequenceResult]) -> list[str]:

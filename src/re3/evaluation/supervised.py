@@ -31,7 +31,7 @@ from re3.evaluation.one_pass import (
     timed_frames,
 )
 from re3.evaluation.peers import SequenceTracker, TrackerFactory
-from re3.evaluation.vot_overlap import polygon_overlap
+from re3.evaluation.vot_overlap import pixel_overlaps
 from re3.timed_tracker import time_spent
 
 _NAN = float("nan")
@@ -51,16 +51,16 @@ class SupervisedConfig:
             for; after the first start there is none.
         wait_for_sight: never start again in a frame marked as occluded. The VOT toolkit can do
             that (`skip_tags`); its stacks of VOT 2014, 2016 and 2018 do not.
-        by_polygon: where the truth is a polygon, overlap is that of the box with the polygon, in
-            pixels inside the frame (`re3.evaluation.vot_overlap`), as in VOT; else that with the
-            upright box around it.
+        by_pixels: overlap is counted in whole pixels inside the frame, as VOT's toolkit counts it
+            (`re3.evaluation.vot_overlap`), with the truth's polygon where it has one; else it is
+            the exact overlap with the truth's upright box.
     """
 
     restart_after: int = 5
     fails_at: float = 0.0
     grace: int = 0
     wait_for_sight: bool = False
-    by_polygon: bool = False
+    by_pixels: bool = False
 
     def __post_init__(self) -> None:
         if self.restart_after < 1:
@@ -73,7 +73,7 @@ class SupervisedConfig:
             raise ValueError(f"grace is {self.grace} frames; expected 0 or more")
 
 
-VOT = SupervisedConfig(by_polygon=True)
+VOT = SupervisedConfig(by_pixels=True)
 """The supervised experiment of VOT 2014 to 2018."""
 
 
@@ -232,8 +232,9 @@ def _overlap(
     config: SupervisedConfig,
 ) -> float:
     """Overlap of a box with the truth of a frame."""
+    truth = sequence.boxes_xywh[index]
+    if not config.by_pixels:
+        return float(overlap(box_xywh, truth))
     polygon = None if sequence.polygons is None else sequence.polygons[index]
-    if config.by_polygon and polygon is not None:
-        height, width = frame.shape[:2]
-        return polygon_overlap(box_xywh, polygon, (width, height))
-    return float(overlap(box_xywh, sequence.boxes_xywh[index]))
+    height, width = frame.shape[:2]
+    return float(pixel_overlaps([box_xywh], [truth], (width, height), [polygon])[0])

@@ -19,7 +19,7 @@ class Row:
 
     Attributes:
         letter, about: of the variant.
-        fps: one over the median time of an update.
+        fps: updates over the time that all of them took.
         figures: of the protocol.
         parameters: number of learnt values.
         flops: operations of a step of one object.
@@ -98,7 +98,7 @@ def report_markdown(report: StudyReport) -> str:
         f"- date: {environment.date}",
         f"- versions: {versions}",
         "",
-        f"{report.conventions} FPS: one over the median time of an update, without decoding.",
+        f"{report.conventions} FPS: updates over the time that all of them took, without decoding.",
         "",
         "The paper's figures, from its Table I, are of its own networks, with far more training, "
         "on other clips and another machine: only differences between rows can be compared.",

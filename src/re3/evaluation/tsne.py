@@ -50,11 +50,14 @@ class StatePath:
         name: the clip's.
         states: float32 `[T, D]`, one a frame from the start on.
         occluded: `[T]`, where the dataset marks occlusion; None where it marks nothing.
+        breaks: indices of the frames after which the state was that of the first frame again, so
+            that no path leads there from the frame before.
     """
 
     name: str
     states: NDArray[np.float32]
     occluded: NDArray[np.bool_] | None = None
+    breaks: tuple[int, ...] = ()
 
 
 def recorder(model: str, *, reset: bool = True, threads: int = 0) -> Tracker:
@@ -93,17 +96,30 @@ def record(
     Raises:
         ValueError: no frame, an unusable box, or a tracker without LSTM.
     """
-    states = []
+    states: list[NDArray[np.float32]] = []
+    breaks: list[int] = []
+    steps = 0
     for index, frame in enumerate(frames):
         if index == 0:
             tracker.init(frame, box_xywh)
         else:
             tracker.update(frame)
-        states.append(state_vector(tracker.save_state()))
+        saved = tracker.save_state()
+        states.append(state_vector(saved))
+        # Counted from the last return to the first state.
+        steps_before, steps = steps, _steps_of(saved)
+        if steps < steps_before or (index and steps == steps_before and steps > 0):
+            breaks.append(index)
     if not states:
         raise ValueError(f"clip {name!r} has no frames to track through; expected one or more")
     marks = None if occluded is None else np.asarray(occluded, dtype=bool)[: len(states)]
-    return StatePath(name, np.stack(states), marks)
+    return StatePath(name, np.stack(states), marks, tuple(breaks))
+
+
+def _steps_of(saved: dict[str, NDArray]) -> int:
+    """Steps of the one object since its state was last the first one."""
+    found = [int(value) for key, value in saved.items() if key.endswith("/steps")]
+    return max(found, default=0)
 
 
 def state_vector(saved: dict[str, NDArray]) -> NDArray[np.float32]:
@@ -150,8 +166,15 @@ def embed(paths: Items[StatePath], perplexity: float = PERPLEXITY) -> list[NDArr
     return np.split(positions, np.cumsum([len(path.states) for path in paths])[:-1])
 
 
+def _broken_off(points: NDArray[np.float64], breaks: Items[int]) -> NDArray[np.float64]:
+    """The points `[T, 2]` with a row of NaN, where a line breaks off, before each of the breaks."""
+    return np.insert(points.astype(np.float64), list(breaks), np.nan, axis=0)
+
+
 def tsne_plot(paths: Items[StatePath], positions: Items[NDArray[np.float64]]) -> Figure:
     """The paths, a colour and line a clip; a square where each begins, circles where occluded.
+
+    A path breaks off where the state returns to that of the first frame.
 
     Args:
         paths: names and marks.
@@ -163,7 +186,7 @@ def tsne_plot(paths: Items[StatePath], positions: Items[NDArray[np.float64]]) ->
         axes, beside = figure.subplots(1, 2, width_ratios=[4.8, 2.0])
         for path, points, style in zip(paths, positions, styled.values(), strict=True):
             axes.plot(
-                *points.T,
+                *_broken_off(points, path.breaks).T,
                 color=style.colour,
                 linestyle=style.line["linestyle"],
                 linewidth=0.7,

@@ -13,12 +13,9 @@ trajectories to the same figures; its conventions, which the papers leave open:
   *frames*, not of the frames that counted.
 * Robustness is the number of failures in a sequence, mean over its runs, then over sequences with
   the same weights. Less is better.
-* For the expected average overlap every run is cut into fragments, from each start to the frame
-  before the failure, and one from the last start to the end. A fragment that ended in a failure
-  goes on for ever with overlap 0; one that reached the end counts up to its length only. The
-  curve's value at t is the mean over fragments of their mean overlap over frames 1..t after the
-  start (frame 0, the start, has none), and EAO is the mean of the curve from `low` to `high`, both
-  included, or as far as the curve goes. Where it ends before `low` there is no EAO (NaN).
+* The curve of expected average overlap is in `re3.evaluation.vot_fragments`. EAO is its mean from
+  `low` to `high`, both included, or as far as the curve goes. Where it ends before `low` there is
+  no EAO (NaN).
 
 The toolkit knows no frame without truth: it would call each a failure. Here such frames count
 neither for accuracy nor in a fragment.
@@ -28,13 +25,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence as List
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from re3.evaluation.supervised import Step, SupervisedTrack
+from re3.evaluation.vot_fragments import expected_overlap_curve
 from re3.evaluation.vot_overlap import Polygons, pixel_overlaps
 
 __all__ = [
@@ -43,6 +41,7 @@ __all__ = [
     "VotScores",
     "VotStack",
     "expected_overlap_curve",
+    "find_stack",
     "pixel_overlaps",
     "score_vot",
 ]
@@ -102,6 +101,33 @@ STACKS = {
 """The challenges with a supervised experiment, with the figures of vot-toolkit 0.9.0."""
 
 
+def find_stack(name: str, interval: str | None = None, repetitions: int | None = None) -> VotStack:
+    """A challenge by name, with settings of one's own in place of its own.
+
+    Args:
+        name: one of `STACKS`.
+        interval: `LOW,HIGH`, the shortest and the longest length that EAO averages over.
+        repetitions: runs of each sequence.
+
+    Raises:
+        ValueError: no such challenge, or a setting that cannot be.
+    """
+    if name not in STACKS:
+        raise ValueError(f"no VOT challenge {name!r}; expected one of {', '.join(STACKS)}")
+    stack = STACKS[name]
+    if repetitions is not None:
+        stack = replace(stack, repetitions=repetitions)
+    if interval is not None:
+        try:
+            low, high = (int(part) for part in interval.split(","))
+        except ValueError:
+            raise ValueError(
+                f"--interval {interval!r} is not LOW,HIGH; expected two whole numbers"
+            ) from None
+        stack = replace(stack, interval=(low, high))
+    return stack
+
+
 @dataclass(frozen=True, eq=False)
 class VotRuns:
     """All runs of one tracker on one sequence.
@@ -113,6 +139,7 @@ class VotRuns:
         runs: one or more, each of T frames.
         polygons: of each frame the truth's polygon `[P, 2]`, None where the truth is the box; None
             where all are boxes.
+        occluded: `[T]`, the frames marked as occluded; None where nothing is marked.
 
     Raises:
         ValueError: no run, one of another length, or one whose frames could not be read.
@@ -123,6 +150,7 @@ class VotRuns:
     size: tuple[int, int]
     runs: List[SupervisedTrack]
     polygons: Polygons | None = None
+    occluded: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         if not self.runs:
@@ -163,6 +191,8 @@ class VotScores:
         failures: failures over all sequences.
         eao: expected average overlap, 0..1; NaN without interval or where the curve is too short.
         curve: `[L]`, expected average overlap over sequences of t frames.
+        eao_occluded: expected average overlap on occluded frames; NaN as `eao`, and where no frame
+            is marked as occluded.
     """
 
     accuracy: float
@@ -171,6 +201,7 @@ class VotScores:
     failures: float
     eao: float
     curve: Floats
+    eao_occluded: float = float("nan")
 
 
 def score_vot(sequences: List[VotRuns], stack: VotStack) -> VotScores:
@@ -189,40 +220,24 @@ def score_vot(sequences: List[VotRuns], stack: VotStack) -> VotScores:
     accuracies, failures = np.array([_accuracy_and_failures(s, stack) for s in sequences]).T
     robustness = float(np.average(failures, weights=frames))
     curve = expected_overlap_curve(sequences)
-    eao = float("nan")
-    if stack.interval is not None and len(curve) > stack.interval[0]:
-        eao = float(curve[stack.interval[0] : stack.interval[1] + 1].mean())
+    longest = len(curve) if stack.interval is None else stack.interval[1]
+    occluded = expected_overlap_curve(sequences, occluded_up_to=longest)
     return VotScores(
         accuracy=float(np.average(accuracies, weights=frames)),
         robustness=robustness,
         reliability=math.exp(-robustness / frames.mean() * stack.sensitivity),
         failures=float(failures.sum()),
-        eao=eao,
+        eao=_mean_over(curve, stack),
         curve=curve,
+        eao_occluded=_mean_over(occluded, stack),
     )
 
 
-def expected_overlap_curve(sequences: List[VotRuns]) -> Floats:
-    """The expected average overlap after t frames, `[L]`, L the length of the longest fragment.
-
-    The toolkit sums in float32; this in float64, and they differ by about 1e-7.
-    """
-    fragments: list[Floats] = []
-    lost: list[bool] = []
-    for sequence in sequences:
-        for run, overlaps in zip(sequence.runs, sequence.overlaps, strict=True):
-            _cut(run, overlaps, fragments, lost)
-    if not fragments:
-        return np.empty(0)
-    lengths = np.array([len(fragment) for fragment in fragments])
-    columns = np.arange(lengths.max())
-    inside = columns < lengths[:, None]
-    table = np.zeros(inside.shape)
-    table[inside] = np.concatenate(fragments)
-    # Frame 0 is that of the start: its overlap is 0, and the means are over the frames after it.
-    means = np.cumsum(table, axis=1) / np.maximum(columns, 1)
-    counts = inside | np.array(lost)[:, None]
-    return (means * counts).sum(axis=0) / counts.sum(axis=0)
+def _mean_over(curve: Floats, stack: VotStack) -> float:
+    """The mean of a curve over the stack's interval; NaN where either is missing."""
+    if stack.interval is None or len(curve) <= stack.interval[0]:
+        return math.nan
+    return float(curve[stack.interval[0] : stack.interval[1] + 1].mean())
 
 
 def _accuracy_and_failures(sequence: VotRuns, stack: VotStack) -> tuple[float, float]:
@@ -236,17 +251,3 @@ def _accuracy_and_failures(sequence: VotRuns, stack: VotStack) -> tuple[float, f
         accuracies.append(overlaps[counts].mean() if counts.any() else 0.0)
         failures.append(run.drops)
     return float(np.mean(accuracies)), float(np.mean(failures))
-
-
-def _cut(run: SupervisedTrack, overlaps: Floats, fragments: list[Floats], lost: list[bool]) -> None:
-    """Append the fragments of a run, and whether each ended in a failure."""
-    starts = np.flatnonzero(run.steps == Step.STARTED)
-    ends = np.flatnonzero(run.steps == Step.FAILED)
-    # A tracker that crashed as it was started failed in a frame without start.
-    if len(ends) > len(starts):
-        starts = np.sort(np.append(starts, ends[-1]))
-    for number, start in enumerate(starts):
-        failed = number < len(ends)
-        fragment = overlaps[start : ends[number] if failed else len(overlaps)]
-        fragments.append(fragment[~np.isnan(fragment)])
-        lost.append(failed)

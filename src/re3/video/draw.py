@@ -13,6 +13,8 @@ from re3.result import Result, Status
 
 Colour = tuple[int, int, int]
 Point = tuple[int, int]
+Rectangle = tuple[int, int, int, int]
+"""Left, top, width, height in pixels."""
 
 PALETTE: tuple[Colour, ...] = (
     (80, 200, 60),
@@ -44,7 +46,8 @@ def draw_results(
     """A copy of the frame with the objects drawn in.
 
     A tracked object has a solid box in its colour, an uncertain one a thinner dashed box, a lost
-    one a dashed grey box crossed out and labelled LOST. Labels lie above all boxes.
+    one a dashed grey box crossed out and labelled LOST. Labels lie above all boxes, each where it
+    covers none of those before it: above its box, or else below, inside, beside or further off.
 
     Args:
         image: uint8 `[H, W, 3]` BGR; left as it is.
@@ -55,8 +58,9 @@ def draw_results(
     shown = [(result, _colour(result, colours or {})) for result in results]
     for result, colour in shown:
         _draw_box(canvas, result, colour)
+    taken: list[Rectangle] = []
     for result, colour in shown:
-        _draw_label(canvas, result, colour)
+        taken.append(_draw_label(canvas, result, colour, taken))
     return canvas
 
 
@@ -123,8 +127,19 @@ def _text(result: Result) -> str:
     return text.encode("ascii", "replace").decode() if ASCII_ONLY else text
 
 
-def _draw_label(canvas: NDArray[np.uint8], result: Result, colour: Colour) -> None:
-    """Dark text on a plate of the object's colour: above the box, inside the image."""
+def _draw_label(
+    canvas: NDArray[np.uint8], result: Result, colour: Colour, taken: list[Rectangle]
+) -> Rectangle:
+    """Dark text on a plate of the object's colour, inside the image and beside other plates.
+
+    Args:
+        canvas: to draw into.
+        result, colour: of the object.
+        taken: places of the plates that are there.
+
+    Returns:
+        the place of the plate.
+    """
     height, width = canvas.shape[:2]
     text = _text(result)
     scale = max(0.38, min(height, width) / 900)
@@ -135,11 +150,54 @@ def _draw_label(canvas: NDArray[np.uint8], result: Result, colour: Colour) -> No
         (text_width, text_height), baseline = cv2.getTextSize(text, FONT, scale, pen)
     pad = max(2, text_height // 4)
     plate_width, plate_height = text_width + 2 * pad, text_height + baseline + 2 * pad
-    left, top, _, bottom = _corners(canvas, result)
-    y = top - plate_height if top - plate_height >= 0 else min(bottom + 1, height - plate_height)
-    x = int(np.clip(left, 0, max(width - plate_width, 0)))
-    y = int(np.clip(y, 0, max(height - plate_height, 0)))
+    place = _place_of(_corners(canvas, result), (plate_width, plate_height), (width, height), taken)
+    x, y = place[:2]
     plate = canvas[y : y + plate_height, x : x + plate_width]
     plate[:] = colour
     origin = (x + pad, y + pad + text_height)
     cv2.putText(canvas, text, origin, FONT, scale, TEXT_COLOUR, pen, cv2.LINE_AA)
+    return place
+
+
+def _place_of(
+    box: tuple[int, int, int, int],
+    plate: tuple[int, int],
+    frame: tuple[int, int],
+    taken: list[Rectangle],
+) -> Rectangle:
+    """Where a plate goes: the first place about its box that is free, or the freest of them.
+
+    Args:
+        box: left, top, right, bottom of its object.
+        plate: its width and height.
+        frame: width and height of the image, which the place lies in.
+        taken: places of other plates.
+    """
+    (left, top, right, bottom), (width, height) = box, plate
+    above, below = top - height, bottom + 1
+    tried = [(left, above if above >= 0 else below)]
+    tried += [(left, below), (left, top), (right - width + 1, above), (right - width + 1, below)]
+    tried += [(right + 1, top), (left - width, top)]
+    # Then row by row away from the box.
+    for row in range(1, len(taken) + 1):
+        tried += [(left, above - row * height), (left, below + row * height)]
+    found: list[tuple[int, Rectangle]] = []
+    for x, y in tried:
+        place = (
+            int(np.clip(x, 0, max(frame[0] - width, 0))),
+            int(np.clip(y, 0, max(frame[1] - height, 0))),
+            width,
+            height,
+        )
+        covered = sum(_common(place, other) for other in taken)
+        if not covered:
+            return place
+        found.append((covered, place))
+    return min(found)[1]
+
+
+def _common(a: Rectangle, b: Rectangle) -> int:
+    """Pixels that two rectangles have in common."""
+    across = min(a[0] + a[2], b[0] + b[2]) - max(a[0], b[0])
+    down = min(a[1] + a[3], b[1] + b[3]) - max(a[1], b[1])
+    return max(across, 0) * max(down, 0)

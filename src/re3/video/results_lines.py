@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import IO
 
+from re3.csv_text import csv_text
 from re3.video.partial import PartialFile
 from re3.video.results_base import DAMAGED_FIELD, FIELDS, ResultsWriter, Row
 
@@ -87,7 +88,11 @@ def _csv_text(rows: list[Row], fields: Sequence[str], header: bool) -> str:
     writer = csv.DictWriter(text, fields, lineterminator="\n", extrasaction="ignore")
     if header:
         writer.writeheader()
-    writer.writerows(rows)
+    names = ("object", "image")
+    writer.writerows(
+        {name: csv_text(value) if name in names and value else value for name, value in row.items()}
+        for row in rows
+    )
     return text.getvalue()
 
 

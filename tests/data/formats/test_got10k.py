@@ -17,7 +17,8 @@ def test_boxes_absence_cover_and_class(tmp_path):
     layouts.text(folder / "groundtruth.txt", *layouts.boxes(3), "0,0,0,0", "9.5000,1,2,2")
     layouts.text(folder / "absence.label", "0", "1", "0", "0", "0")
     layouts.text(folder / "cover.label", "8", "0", "5", "4", "1")
-    layouts.text(folder / "meta_info.ini", META)
+    # Written on Windows, with a byte order mark.
+    (folder / "meta_info.ini").write_text(META, encoding="utf-8-sig")
     (found,) = read_dataset(tmp_path / "GOT-10k")
     expected = [[0, 1, 3, 4], layouts.NAN, [2, 1, 3, 4], layouts.NAN, [8.5, 0, 2, 2]]
     np.testing.assert_array_equal(found.boxes_xywh, expected)

@@ -7,12 +7,16 @@ import layouts
 import numpy as np
 import pytest
 import still_layouts
+from PIL import Image
 from still_layouts import HEIGHT, LARGE, SMALL, WIDTH
 
 from re3.data.masks import Polygons, Runs, run_lengths
+from re3.data.picture_size import picture_size
 from re3.data.simulator import simulate
-from re3.data.still_formats import STILL_FORMATS, find_stills, read_stills
+from re3.data.still_formats import STILL_FORMATS, find_stills, notes_of, read_stills
 from re3.data.stills import LARGEST_PATCH
+from re3.result import Result, Status
+from re3.video.results import open_results
 
 ANNOTATED = [name for name in still_layouts.BUILDERS if name != "images"]
 
@@ -235,10 +239,9 @@ def test_an_export_beside_its_images(tmp_path):
 @pytest.mark.parametrize(
     ("annotation", "name", "told"),
     [
-        ({"bbox": [1, 2, 3]}, None, "instances_train2017.json: .*; expected"),
-        ({}, None, "no 'bbox'; expected"),
+        ({"bbox": [1, 2, 3]}, None, r"instances_train2017\.json, annotation .*; expected"),
+        ({"id": 7}, None, r"annotation 7 of 000000000009\.jpg: no 'bbox'; expected"),
         ({"bbox": list(LARGE), "image_id": 8}, None, "an object of image 8, which is not there"),
-        ({"bbox": list(LARGE), "segmentation": [[1, 2, 3, 4]]}, None, "a polygon of 4 numbers"),
         ({"bbox": list(LARGE)}, "gone.jpg", "names an image gone.jpg, which is in none of"),
     ],
 )
@@ -246,6 +249,173 @@ def test_a_broken_coco_file_is_told(tmp_path, annotation, name, told):
     folder = coco_with(tmp_path, annotation, name=name or "000000000009.jpg")
     with pytest.raises((ValueError, FileNotFoundError), match=told):
         read_stills(folder)
+
+
+RING = [10, 5, 30, 5, 30, 20, 10, 20]  # about LARGE
+
+
+@pytest.mark.parametrize(
+    ("segmentation", "told"),
+    [
+        ([[]], "a polygon of 0 numbers"),
+        ([[1, 2, 3, 4]], "a polygon of 4 numbers"),  # a line encloses nothing
+        ([[1, 2], []], "a polygon of 2 and 0 numbers"),
+        ([[1, 2, 3, 4, 5, 6, 7]], "a polygon of 7 numbers"),
+        ([[1, 2, 3, None, 5, 6]], ""),
+        ([[1, 2, 3, float("nan"), 5, 6]], "a polygon of 6 numbers"),
+        ([["a", 2, 3, 4, 5, 6]], ""),
+        ("1 2 3", "a segmentation '1 2 3'"),
+        ({"counts": [3, 4], "size": [HEIGHT, WIDTH]}, "runs 7 pixels long"),
+        ({"counts": "0!", "size": [HEIGHT, WIDTH]}, "'!' in a mask of runs"),
+        ({"counts": [WIDTH * HEIGHT], "size": [WIDTH, HEIGHT]}, "runs for 30 x 40 pixels"),
+        ({"counts": [WIDTH * HEIGHT]}, "no 'size'"),
+    ],
+)
+def test_an_outline_that_cannot_be_used_leaves_the_box(tmp_path, segmentation, told):
+    folder = coco_with(
+        tmp_path,
+        {"id": 1, "bbox": list(LARGE), "segmentation": [RING]},
+        {"id": 2, "bbox": list(LARGE), "segmentation": segmentation},
+        {"id": 3, "bbox": list(LARGE), "segmentation": [RING]},
+    )
+    (still,) = read_stills(folder)
+    np.testing.assert_array_equal(still.boxes_xywh, [LARGE] * 3)
+    assert [mask is None for mask in still.masks] == [False, True, False]
+    (note,) = still.notes
+    assert "instances_train2017.json, annotation 2 of 000000000009.jpg: no outline" in note
+    assert told in note
+    assert note.endswith("its box is used")
+
+
+@pytest.mark.parametrize("segmentation", [[RING, []], [[1, 2], RING], RING])
+def test_what_encloses_nothing_beside_an_outline_is_passed_over(tmp_path, segmentation):
+    folder = coco_with(tmp_path, {"bbox": list(LARGE), "segmentation": segmentation})
+    (still,) = read_stills(folder)
+    assert (still.masked, still.notes) == (True, ())
+
+
+def test_notes_are_counted_and_the_first_is_told(tmp_path):
+    broken = {"bbox": list(LARGE), "segmentation": [[]]}
+    folder = coco_with(tmp_path, {"id": 4, **broken}, {"id": 5, **broken})
+    (told,) = notes_of(read_stills(folder))
+    assert told.startswith("2 annotations were put right, the first: ")
+    assert "annotation 4 of" in told
+    assert notes_of([]) == []
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        ([{"image_id": 9, "bbox": list(LARGE), "score": 0.5}], "COCO's results, a list of found"),
+        ([1, 2], "it holds a list, not annotations"),
+        ({"images": 3}, "expected"),
+    ],
+)
+@pytest.mark.parametrize("where", ["annotations/instances_val.json", "found.coco.json"])
+def test_what_is_given_in_place_of_annotations_is_named(tmp_path, content, told, where):
+    still_layouts.picture(tmp_path / "val" / "000000000009.jpg", LARGE)
+    layouts.text(tmp_path / where, json.dumps(content))
+    with pytest.raises(ValueError, match=told):
+        read_stills(tmp_path)
+
+
+def test_results_beside_pictures_are_no_reason_to_take_patches(tmp_path):
+    still_layouts.picture(tmp_path / "a.jpg", LARGE)
+    result = {"image_id": 9, "category_id": 1, "bbox": list(LARGE), "score": 0.5}
+    layouts.text(tmp_path / "detections.json", json.dumps([result]))
+    with pytest.raises(ValueError, match="COCO's results, a list of found boxes"):
+        read_stills(tmp_path)
+    # Beside annotations they are passed over.
+    document = still_layouts.coco_document({"bbox": list(LARGE)}, name="a.jpg")
+    layouts.text(tmp_path / "_annotations.coco.json", json.dumps(document))
+    assert len(read_stills(tmp_path)) == 1
+
+
+def test_what_re3_track_writes_of_a_video_is_named(tmp_path):
+    still_layouts.picture(tmp_path / "a.jpg", LARGE)
+    with open_results(tmp_path / "clip.coco.json") as results:
+        results.frame_size = (WIDTH, HEIGHT)
+        results.write(0, 0.0, [Result(LARGE, 0.9, Status.TRACKED, 1, "dog")])
+    with pytest.raises(FileNotFoundError, match="holds results of `re3 track`"):
+        read_stills(tmp_path)
+
+
+# Sizes
+
+
+def turned(path, orientation):
+    """A picture of LARGE that its EXIF orientation turns."""
+    still_layouts.picture(path, LARGE)
+    with Image.open(path) as image:
+        exif = image.getexif()
+        exif[0x0112] = orientation
+        image.save(path, exif=exif)
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".webp"])
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_the_size_of_a_picture_is_the_decoded_one(tmp_path, suffix, orientation):
+    path = tmp_path / f"a{suffix}"
+    turned(path, orientation)
+    height, width = cv2.imread(str(path)).shape[:2]
+    assert picture_size(path) == (width, height)
+    if suffix == ".jpg":
+        assert ((width, height) == (HEIGHT, WIDTH)) == (orientation >= 5)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".bmp", ".tif"])
+def test_the_size_is_told_by_every_kind_of_header(tmp_path, suffix):
+    assert picture_size(still_layouts.picture(tmp_path / f"a{suffix}")) == (WIDTH, HEIGHT)
+
+
+@pytest.mark.parametrize("name", ["boxes", "imagenet-det", "coco", "voc", "masks"])
+def test_a_picture_of_another_size_than_stated_is_refused(tmp_path, name):
+    folder = still_layouts.BUILDERS[name](tmp_path / "data")
+    (image,) = (p for p in folder.rglob("*.[jJ]*") if "json" not in p.name and "val" not in p.name)
+    still_layouts.picture(image, width=2 * WIDTH, height=2 * HEIGHT)  # a resized copy
+    with pytest.raises(ValueError, match=f"{image.name} is decoded to 80 x 60 .* 40 x 30, for"):
+        read_stills(folder)
+
+
+@pytest.mark.parametrize("name", ["boxes", "voc"])
+def test_an_outline_of_another_size_leaves_the_box(tmp_path, name):
+    folder = still_layouts.BUILDERS[name](tmp_path)
+    if name == "voc":
+        (outline,) = folder.rglob("*.png")
+        layouts.palette_png(outline, np.ones((2 * HEIGHT, 2 * WIDTH), np.uint8), [(0, 0, 0)] * 256)
+    else:
+        outline = still_layouts.mask(folder / "a.png", width=2 * WIDTH, height=2 * HEIGHT)
+        text = (folder / "boxes.jsonl").read_text().replace("null", '"a.png"')
+        (folder / "boxes.jsonl").write_text(text)
+    (still,) = read_stills(folder)
+    assert not still.masked
+    (note,) = still.notes
+    assert f"{outline.name} is 80 x 60 pixels, but" in note
+    outline.unlink()
+    if name == "boxes":
+        with pytest.raises(FileNotFoundError, match=r"a\.png does not exist"):
+            read_stills(folder)
+
+
+@pytest.mark.parametrize("name", ["coco", "voc"])
+def test_a_picture_that_exif_turns_is_refused(tmp_path, name):
+    folder = still_layouts.BUILDERS[name](tmp_path / "data")
+    (image,) = folder.rglob("*.jpg")
+    turned(image, 6)
+    with pytest.raises(ValueError, match=r"decoded to 30 x 40 pixels \(is it turned by its EXIF"):
+        read_stills(folder)
+    turned(image, 3)  # on its head: the size is the stated one
+    assert len(read_stills(folder)) == 1
+
+
+def test_all_pictures_of_other_sizes_are_counted(tmp_path):
+    still_layouts.picture(tmp_path / "JPEGImages/a.jpg", width=20)
+    still_layouts.picture(tmp_path / "JPEGImages/b.jpg", width=20)
+    still_layouts.picture(tmp_path / "JPEGImages/c.jpg")
+    for name in "abc":
+        still_layouts.xml(tmp_path / f"Annotations/{name}.xml", LARGE)
+    with pytest.raises(ValueError, match=r"2 of 3 pictures of .*, the first of them: .*a\.jpg is"):
+        read_stills(tmp_path)
 
 
 # VOC and ImageNet
@@ -339,9 +509,8 @@ def test_ids_in_a_mask_are_objects(tmp_path):
 def test_a_mask_of_another_size_names_the_picture(tmp_path):
     folder = still_layouts.masks(tmp_path)
     still_layouts.mask(folder / "DUTS-TR-Mask/a.png", width=80, height=60)
-    (still,) = read_stills(folder)
-    with pytest.raises(ValueError, match=r"a\.jpg: .*a\.png has 80 x 60 pixels; expected 40 x 30"):
-        still.draw_object(WIDTH, HEIGHT, np.random.default_rng(0))
+    with pytest.raises(ValueError, match=r"a\.jpg is decoded to 40 x 30 .*a\.png states 80 x 60"):
+        read_stills(folder)
 
 
 def test_a_mask_that_cannot_be_read_is_told(tmp_path):

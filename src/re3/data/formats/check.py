@@ -50,12 +50,14 @@ class _Source:
     Attributes:
         size: width and height of its first frame; None where that cannot be read.
         count: frames in it, where that is known for certain.
+        announced: frames in it as a video file says, which may be an estimate.
         broken: index of a frame -> why it cannot be read; -1 of the source as a whole.
     """
 
     size: tuple[int, int] | None
     count: int | None
     broken: dict[int, str]
+    announced: int | None = None
 
 
 def check_dataset(
@@ -104,7 +106,20 @@ def _check_clip(entry: Entry, decode: bool, sources: dict[Path, _Source]) -> Ite
     for sequence in sequences:
         if sequence.source not in sources:
             sources[sequence.source] = _look_at(sequence.source, decode)
+        if _is_to_be_counted(sequence, sources[sequence.source]):
+            sources[sequence.source] = _look_at(sequence.source, decode=True)
         yield _check_sequence(sequence, sources[sequence.source])
+
+
+def _is_to_be_counted(sequence: Sequence, source: _Source) -> bool:
+    """Whether the frames of a video have to be decoded to know how many there are: where what the
+    file says is not what the annotation says."""
+    end = sequence.start_frame + len(sequence)
+    if source.count is not None or source.broken:
+        return False
+    if source.announced is None:
+        return True
+    return source.announced != end if sequence.row_a_frame else source.announced < end
 
 
 def _check_sequence(sequence: Sequence, source: _Source) -> Finding:
@@ -112,8 +127,17 @@ def _check_sequence(sequence: Sequence, source: _Source) -> Finding:
     boxes = int(annotated.sum())
     end = sequence.start_frame + len(sequence)
     errors = [why for t, why in source.broken.items() if t == -1 or sequence.start_frame <= t < end]
+    warnings = []
     if source.count is not None and source.count < end:
-        errors.append(f"{source.count} frames in {sequence.source}; expected {end} or more")
+        errors.append(
+            f"{source.count} frames in {sequence.source}, but boxes for {end}; expected as many: "
+            "is the annotation that of another clip?"
+        )
+    elif source.count is not None and sequence.row_a_frame and source.count > end:
+        warnings.append(
+            f"boxes for {end} of {source.count} frames; expected a line a frame, nan,nan,nan,nan "
+            "where the object is absent"
+        )
     if not boxes:
         errors.append("no frame has a box")
     sizes = sequence.boxes_xywh[annotated, 2:]
@@ -128,7 +152,7 @@ def _check_sequence(sequence: Sequence, source: _Source) -> Finding:
         median_size=(float(width), float(height)) if boxes else None,
         attributes=sequence.attributes,
         errors=tuple(errors),
-        warnings=tuple(sequence.problems(source.size)),
+        warnings=(*warnings, *sequence.problems(source.size)),
     )
 
 
@@ -138,13 +162,18 @@ def _look_at(path: Path, decode: bool) -> _Source:
             size = source.size
             # What a video file says of its length may be an estimate.
             count = source.frame_count if path.is_dir() else None
+            announced = None if path.is_dir() else source.frame_count
             if decode and not path.is_dir():
                 return _walk(size, iter(source))
     except (ValueError, OSError) as error:
         if not (decode and path.is_dir()):
             return _Source(None, None, {-1: str(error)})
-        size, count = None, None
-    return _decode_images(path, size) if decode and path.is_dir() else _Source(size, count, {})
+        size, count, announced = None, None, None
+    return (
+        _decode_images(path, size)
+        if decode and path.is_dir()
+        else _Source(size, count, {}, announced)
+    )
 
 
 def _walk(size: tuple[int, int], frames: Iterator[object]) -> _Source:

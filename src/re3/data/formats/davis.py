@@ -30,6 +30,7 @@ from re3.data.formats.files import (
     track,
     track_name,
 )
+from re3.data.picture_size import check_size
 from re3.data.sequence import Sequence
 
 LAYOUT = "JPEGImages/480p/<sequence>/ and Annotations/480p/<sequence>/ with a .png a frame"
@@ -120,7 +121,8 @@ def _frames_of(folder: Path, masks: Path) -> Path:
 
 
 def _read(masks: Path, source: Path, dataset: str, merge: bool) -> list[Sequence]:
-    index = {path.stem: t for t, path in enumerate(images_in(source))}
+    images = images_in(source)
+    index = {path.stem: t for t, path in enumerate(images)}
     paths = files_with(masks, ".png")
     if len(paths) not in (1, len(index)):
         raise ValueError(
@@ -132,6 +134,8 @@ def _read(masks: Path, source: Path, dataset: str, merge: bool) -> list[Sequence
         if path.stem not in index:
             raise ValueError(f"{path}: {source} has no image {path.stem}; expected one")
         ids = read_mask(path)
+        if path is paths[0]:
+            check_size(images[index[path.stem]], (ids.shape[1], ids.shape[0]), path)
         if merge:
             ids = (ids > 0).astype(np.uint8)
         for key in np.flatnonzero(np.bincount(ids.ravel())):

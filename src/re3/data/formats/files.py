@@ -208,7 +208,7 @@ def setting(path: Path, section: str, key: str) -> str | None:
     # Values such as URLs may hold a percent sign, which interpolation would trip over.
     settings = configparser.ConfigParser(interpolation=None)
     try:
-        settings.read(path, encoding="utf-8")
+        settings.read(path, encoding="utf-8-sig")
     except (configparser.Error, UnicodeDecodeError) as error:
         found = " ".join(str(error).split())
         raise ValueError(f"{path}: {found}; expected [{section}] with {key}") from error

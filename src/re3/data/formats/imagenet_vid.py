@@ -29,6 +29,7 @@ from re3.data.formats.files import (
     track_name,
     usable,
 )
+from re3.data.picture_size import check_size
 from re3.data.sequence import Sequence
 from re3.natural_order import natural_key
 
@@ -103,7 +104,8 @@ def _videos(folder: Path) -> list[Path]:
 
 
 def _read(video: Path, source: Path, dataset: str, generated: bool) -> list[Sequence]:
-    index = {path.stem: t for t, path in enumerate(images_in(source))}
+    images = images_in(source)
+    index = {path.stem: t for t, path in enumerate(images)}
     boxes: dict[str, dict[int, tuple[float, ...]]] = {}
     occluded: dict[str, dict[int, bool]] = {}
     labels: dict[str, str] = {}
@@ -113,6 +115,9 @@ def _read(video: Path, source: Path, dataset: str, generated: bool) -> list[Sequ
             f"{video} has {len(texts)} .xml files, but {source} {len(index)} images; expected one "
             "a frame"
         )
+    # All frames of a video are of one size: the first stands for them.
+    if texts and texts[0].stem in index:
+        check_size(images[index[texts[0].stem]], _size(texts[0]), texts[0])
     for text in texts:
         if text.stem not in index:
             raise ValueError(f"{text}: {source} has no image {text.stem}; expected one")
@@ -136,6 +141,16 @@ def _read(video: Path, source: Path, dataset: str, generated: bool) -> list[Sequ
         )
         for key in tracks
     ]
+
+
+def _size(text: Path) -> tuple[float, float] | None:
+    """Width and height that an XML file states of its image; None where it states none."""
+    try:
+        root = ET.parse(text).getroot()
+        width, height = (float(root.findtext(f"size/{side}") or 0) for side in ("width", "height"))
+    except (ET.ParseError, ValueError) as error:
+        raise ValueError(f"{text}: {error}; expected {_EXPECTED}") from error
+    return (width, height) if min(width, height) > 0 else None
 
 
 def _objects(text: Path) -> list[tuple[str, str, tuple[float, ...], bool, bool]]:

@@ -32,6 +32,7 @@ from re3.data.formats.files import (
     track,
     usable,
 )
+from re3.data.picture_size import check_size
 from re3.data.sequence import Sequence
 
 LAYOUT = "folders with img1/ and gt/gt.txt, or train/ with them"
@@ -84,7 +85,11 @@ def _candidates(folder: Path) -> list[Path]:
 def _read(folder: Path, dataset: str) -> list[Sequence]:
     info = folder / "seqinfo.ini"  # Old sequences lack it.
     source = folder / (setting(info, "Sequence", "imDir") or "img1")
-    images = len(images_in(source))
+    frames = images_in(source)
+    images = len(frames)
+    sides = [setting(info, "Sequence", name) for name in ("imWidth", "imHeight")]
+    if all(side is not None and side.isdecimal() for side in sides):
+        check_size(frames[0], (float(sides[0] or 0), float(sides[1] or 0)), info)
     length = setting(info, "Sequence", "seqLength")
     if length not in (None, str(images)):
         raise ValueError(

@@ -1,17 +1,19 @@
 """Readers of still pictures in the layouts they are published in, for simulated sequences.
 
 A module a format; each has `detect(folder)`, which looks at the structure and never at the
-folder's own name, and `read(folder, smallest_share)`. What all of them give are stills whose
-objects cover `smallest_share` of their picture or more; see `docs/datasets.md`.
+folder's own name, and `entries(folder)`, which finds the pictures without reading them. What all of
+them give are stills whose objects cover `smallest_share` of their picture or more; see
+`docs/datasets.md`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from re3.data.formats.files import subfolders
+from re3.data.picture_size import WrongSize
 from re3.data.still_formats import (
     boxes_index,
     coco,
@@ -21,6 +23,7 @@ from re3.data.still_formats import (
     voc,
     yolo,
 )
+from re3.data.still_formats.picture import Picture, PictureEntry
 from re3.data.stills import SMALLEST_SHARE, Still
 
 
@@ -32,25 +35,61 @@ class StillFormat:
         name: what a user calls it.
         layout: what a folder has to look like, in a line.
         detect: whether a folder looks like it.
-        read: the pictures of a folder that have an object large enough.
+        entries: the pictures of a folder, not read yet.
+        still: what is made of a picture with objects of so large a share of it; None without any.
     """
 
     name: str
     layout: str
     detect: Callable[[Path], bool]
-    read: Callable[[Path, float], list[Still]]
+    entries: Callable[[Path], list[PictureEntry]]
+    still: Callable[[Picture, float], Still | None] = Picture.still
+
+    def read(self, folder: Path, smallest_share: float) -> list[Still]:
+        """The pictures of a folder that have an object large enough.
+
+        Raises:
+            FileNotFoundError: a picture is missing.
+            ValueError: an annotation is not well formed, or a picture is not of the size that its
+                annotation states; the message names the first and counts the others.
+        """
+        stills = []
+        wrong: list[FileNotFoundError | WrongSize] = []
+        entries = self.entries(folder)
+        for entry in entries:
+            try:
+                still = self.still(entry.read(), smallest_share)
+            except (FileNotFoundError, WrongSize) as error:
+                wrong.append(error)
+                continue
+            if still is not None:
+                stills.append(still)
+        if len(wrong) > 1:
+            raise type(wrong[0])(
+                f"{len(wrong)} of {len(entries)} pictures of {folder} are missing or not of the "
+                f"size their annotation states, the first of them: {wrong[0]}"
+            ) from wrong[0]
+        if wrong:
+            raise wrong[0]
+        return stills
 
 
-INDEX = StillFormat("boxes", boxes_index.LAYOUT, boxes_index.detect, boxes_index.read)
-PLAIN = StillFormat("images", plain_images.LAYOUT, plain_images.detect, plain_images.read)
+INDEX = StillFormat("boxes", boxes_index.LAYOUT, boxes_index.detect, boxes_index.entries)
+PLAIN = StillFormat(
+    "images",
+    plain_images.LAYOUT,
+    plain_images.detect,
+    plain_images.entries,
+    plain_images.still,
+)
 STILL_FORMATS = (
     # First: an index says what is in the folder, whatever else the folder looks like.
     INDEX,
-    StillFormat("imagenet-det", imagenet_det.LAYOUT, imagenet_det.detect, imagenet_det.read),
-    StillFormat("coco", coco.LAYOUT, coco.detect, coco.read),
-    StillFormat("voc", voc.LAYOUT, voc.detect, voc.read),
-    StillFormat("yolo", yolo.LAYOUT, yolo.detect, yolo.read),
-    StillFormat("masks", mask_folder.LAYOUT, mask_folder.detect, mask_folder.read),
+    StillFormat("imagenet-det", imagenet_det.LAYOUT, imagenet_det.detect, imagenet_det.entries),
+    StillFormat("coco", coco.LAYOUT, coco.detect, coco.entries),
+    StillFormat("voc", voc.LAYOUT, voc.detect, voc.entries),
+    StillFormat("yolo", yolo.LAYOUT, yolo.detect, yolo.entries),
+    StillFormat("masks", mask_folder.LAYOUT, mask_folder.detect, mask_folder.entries),
     # Last: it takes any folder with an image somewhere below.
     PLAIN,
 )
@@ -146,6 +185,16 @@ def _found_below(
     for path in subfolders(folder):
         if path.resolve() not in above:
             yield from _found_below(path, formats, above)
+
+
+def notes_of(stills: Iterable[Still]) -> list[str]:
+    """What was put right in the annotations of some stills, in a sentence or none: how often, and
+    the first of it."""
+    notes = [note for still in stills for note in still.notes]
+    if not notes:
+        return []
+    more = "" if len(notes) == 1 else f"{len(notes)} annotations were put right, the first: "
+    return [more + notes[0]]
 
 
 def _named(name: str) -> StillFormat:

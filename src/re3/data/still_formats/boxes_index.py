@@ -8,13 +8,13 @@ bright on the object; it is that of all objects of its picture together.
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 
-import numpy as np
-
-from re3.data.formats.files import dataset_name
+from re3.data.formats.files import dataset_name, needed
+from re3.data.json_tracks import text_lines
 from re3.data.masks import MaskImage
-from re3.data.stills import Still, make_still
+from re3.data.still_formats.picture import Picture, PictureEntry, boxes_array
 
 INDEX_NAME = "boxes.jsonl"
 LAYOUT = f"{INDEX_NAME} with a line of JSON for each picture"
@@ -27,35 +27,36 @@ def detect(folder: Path) -> bool:
     return (folder / INDEX_NAME).is_file()
 
 
-def read(folder: Path, smallest_share: float) -> list[Still]:
+def entries(folder: Path) -> list[PictureEntry]:
     """The pictures of the index.
 
     Raises:
         FileNotFoundError: no index in the folder.
-        ValueError: a line that is not such a description.
+        ValueError: it is not UTF-8.
     """
     index = folder / INDEX_NAME
-    if not index.is_file():
-        raise FileNotFoundError(f"{index} does not exist; expected a line of JSON for each picture")
-    stills = []
-    for number, line in enumerate(index.read_text(encoding="utf-8").splitlines(), start=1):
-        try:
-            entry = json.loads(line)
-            boxes = np.array([o["box_xywh"] for o in entry["objects"]], dtype=np.float64)
-            boxes = boxes.reshape(-1, 4)
-            area = float(entry["width"]) * float(entry["height"])
-            image, mask = folder / entry["image"], entry.get("mask")
-        except (KeyError, TypeError, ValueError) as error:
-            raise ValueError(f"{index}, line {number}: {error!r}; expected {_EXPECTED}") from error
-        outline = MaskImage(folder / mask) if mask else None
-        still = make_still(
-            image,
-            boxes,
-            area,
-            smallest_share,
-            masks=[outline] * len(boxes),
-            dataset=dataset_name(folder),
-        )
-        if still is not None:
-            stills.append(still)
-    return stills
+    needed(index, "a line of JSON for each picture")
+    return [
+        PictureEntry(f"{INDEX_NAME}, line {number}", partial(_read, folder, number, line))
+        for number, line in text_lines(index)
+    ]
+
+
+def _read(folder: Path, number: int, line: str) -> Picture:
+    try:
+        entry = json.loads(line)
+        boxes = boxes_array([o["box_xywh"] for o in entry["objects"]])
+        size = (float(entry["width"]), float(entry["height"]))
+        image, mask = folder / entry["image"], entry.get("mask")
+    except (KeyError, TypeError, ValueError) as error:
+        where = f"{folder / INDEX_NAME}, line {number}"
+        raise ValueError(f"{where}: {error!r}; expected {_EXPECTED}") from error
+    outline = MaskImage(folder / mask) if mask else None
+    return Picture(
+        image,
+        boxes,
+        (outline,) * len(boxes),
+        size,
+        folder / INDEX_NAME,
+        dataset=dataset_name(folder),
+    )

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 from re3.data.formats.files import dataset_name, subfolders
+from re3.data.still_formats.picture import Picture, PictureEntry, boxes_array
 from re3.data.still_formats.voc import read_xml
-from re3.data.stills import Still, make_still
 
 LAYOUT = "Data/DET/<split>/ with images and Annotations/DET/<split>/ with an .xml an image"
 
@@ -23,21 +24,29 @@ def detect(folder: Path) -> bool:
     return (folder / "Data" / "DET").is_dir() and (folder / "Annotations" / "DET").is_dir()
 
 
-def read(folder: Path, smallest_share: float) -> list[Still]:
+def entries(folder: Path) -> list[PictureEntry]:
     """The pictures that have an XML file, split by split."""
     annotations, data = folder / "Annotations" / "DET", folder / "Data" / "DET"
-    stills = []
-    for split in subfolders(annotations):
-        dataset = f"{dataset_name(folder)}-{split.name}"
-        for text in _texts(split):
-            image = (data / text.relative_to(annotations)).with_suffix(".JPEG")
-            if not image.is_file():
-                raise FileNotFoundError(f"{image} does not exist; expected the image of {text}")
-            size, boxes = read_xml(text, image, first_pixel=0)
-            still = make_still(image, boxes, size[0] * size[1], smallest_share, dataset=dataset)
-            if still is not None:
-                stills.append(still)
-    return stills
+    return [
+        PictureEntry(
+            str(text.relative_to(annotations).with_suffix("")),
+            partial(
+                _read,
+                text,
+                (data / text.relative_to(annotations)).with_suffix(".JPEG"),
+                f"{dataset_name(folder)}-{split.name}",
+            ),
+        )
+        for split in subfolders(annotations)
+        for text in _texts(split)
+    ]
+
+
+def _read(text: Path, image: Path, dataset: str) -> Picture:
+    if not image.is_file():
+        raise FileNotFoundError(f"{image} does not exist; expected the image of {text}")
+    size, boxes = read_xml(text, first_pixel=0)
+    return Picture(image, boxes_array(boxes), (None,) * len(boxes), size, text, dataset=dataset)
 
 
 def _texts(folder: Path) -> Iterator[Path]:

@@ -11,6 +11,7 @@ Masks are decoded to read the boxes, one image at a time.
 from __future__ import annotations
 
 import re
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from re3.data.formats.davis import read_mask
 from re3.data.formats.files import dataset_name, subfolders
 from re3.data.masks import IndexedMask, Mask, MaskImage
-from re3.data.stills import Still, make_still
+from re3.data.still_formats.picture import Picture, PictureEntry, boxes_array
 from re3.video.images import sorted_images
 
 LAYOUT = "images/ and masks/ with a .png an image, or a .png beside each .jpg"
@@ -36,17 +37,18 @@ def detect(folder: Path) -> bool:
     return bool(_pairs(folder))
 
 
-def read(folder: Path, smallest_share: float) -> list[Still]:
-    """The pictures that have a mask with an object large enough."""
-    stills = []
-    for image, mask in _pairs(folder):
-        boxes, masks, area = _objects(mask)
-        still = make_still(
-            image, boxes, area, smallest_share, masks=masks, dataset=dataset_name(folder)
-        )
-        if still is not None:
-            stills.append(still)
-    return stills
+def entries(folder: Path) -> list[PictureEntry]:
+    """The pictures that have a mask."""
+    dataset = dataset_name(folder)
+    return [
+        PictureEntry(str(image.relative_to(folder)), partial(_read, image, mask, dataset))
+        for image, mask in _pairs(folder)
+    ]
+
+
+def _read(image: Path, mask: Path, dataset: str) -> Picture:
+    boxes, masks, size = _objects(mask)
+    return Picture(image, boxes_array(boxes), tuple(masks), size, mask, dataset=dataset)
 
 
 def _pairs(folder: Path) -> list[tuple[Path, Path]]:
@@ -76,8 +78,10 @@ def _pairs(folder: Path) -> list[tuple[Path, Path]]:
     ]
 
 
-def _objects(path: Path) -> tuple[list[tuple[float, ...]], list[Mask | None], float]:
-    """Boxes and masks of the objects, and the area of the picture in pixels."""
+def _objects(
+    path: Path,
+) -> tuple[list[tuple[float, ...]], list[Mask | None], tuple[float, float]]:
+    """Boxes and masks of the objects, and width and height of the mask in pixels."""
     if path.read_bytes()[25:26] == bytes([_PALETTE]):
         ids = read_mask(path)
     else:
@@ -85,11 +89,15 @@ def _objects(path: Path) -> tuple[list[tuple[float, ...]], list[Mask | None], fl
         if grey is None:
             raise ValueError(f"{path} cannot be read as an image; expected a mask: restore it")
         if grey.max() > 127:
-            return [_box_around(grey > 127)], [MaskImage(path)], float(grey.size)
+            return [_box_around(grey > 127)], [MaskImage(path)], _size(grey)
         ids = read_mask(path)
     keys = [int(key) for key in np.flatnonzero(np.bincount(ids.ravel())) if key not in (0, _VOID)]
     boxes = [_box_around(ids == key) for key in keys]
-    return boxes, [IndexedMask(path, key) for key in keys], float(ids.size)
+    return boxes, [IndexedMask(path, key) for key in keys], _size(ids)
+
+
+def _size(pixels: NDArray[np.uint8]) -> tuple[float, float]:
+    return float(pixels.shape[1]), float(pixels.shape[0])
 
 
 def _box_around(pixels: NDArray[np.bool_]) -> tuple[float, ...]:

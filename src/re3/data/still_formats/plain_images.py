@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
-import numpy as np
-
 from re3.data.formats.files import dataset_name
+from re3.data.still_formats.picture import Picture, PictureEntry, boxes_array
 from re3.data.stills import Still
 from re3.video.images import sorted_images
 
@@ -23,13 +23,27 @@ def detect(folder: Path) -> bool:
     return next(_images(folder), None) is not None
 
 
-def read(folder: Path, smallest_share: float) -> list[Still]:
-    """Every image; patches cover `smallest_share` of it or more."""
+def entries(folder: Path) -> list[PictureEntry]:
+    """Every image, without any object."""
     dataset = dataset_name(folder)
     return [
-        Still(image, np.zeros((0, 4)), (), dataset=dataset, smallest_share=smallest_share)
+        PictureEntry(
+            str(image.relative_to(folder)),
+            partial(Picture, image, boxes_array([]), (), dataset=dataset),
+        )
         for image in _images(folder)
     ]
+
+
+def still(picture: Picture, smallest_share: float) -> Still:
+    """The picture; patches cover `smallest_share` of it or more."""
+    return Still(
+        picture.image,
+        picture.boxes_xywh,
+        (),
+        dataset=picture.dataset,
+        smallest_share=smallest_share,
+    )
 
 
 def _images(folder: Path) -> Iterator[Path]:

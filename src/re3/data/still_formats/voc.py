@@ -8,13 +8,12 @@ counted from 1; 255 is the border between objects. Objects marked difficult or t
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from functools import partial
 from pathlib import Path
-
-import cv2
 
 from re3.data.formats.files import dataset_name, files_with, images_in
 from re3.data.masks import IndexedMask, Mask
-from re3.data.stills import Still, make_still
+from re3.data.still_formats.picture import Picture, PictureEntry, boxes_array
 
 LAYOUT = "JPEGImages/ and Annotations/ with an .xml an image"
 
@@ -26,58 +25,53 @@ def detect(folder: Path) -> bool:
     return (folder / "JPEGImages").is_dir() and bool(files_with(folder / "Annotations", ".xml"))
 
 
-def read(folder: Path, smallest_share: float) -> list[Still]:
+def entries(folder: Path) -> list[PictureEntry]:
     """The pictures that have an XML file."""
     images = {path.stem: path for path in images_in(folder / "JPEGImages")}
-    stills = []
-    for text in files_with(folder / "Annotations", ".xml"):
-        if text.stem not in images:
-            raise FileNotFoundError(
-                f"{folder / 'JPEGImages'} has no image {text.stem}; expected that of {text}"
-            )
-        size, boxes = read_xml(text, images[text.stem], first_pixel=1)
-        outlines = folder / "SegmentationObject" / f"{text.stem}.png"
-        masks: list[Mask | None] = [None] * len(boxes)
-        if outlines.is_file():
-            masks = [IndexedMask(outlines, number) for number in range(1, len(boxes) + 1)]
-        still = make_still(
-            images[text.stem],
-            boxes,
-            size[0] * size[1],
-            smallest_share,
-            masks=masks,
-            dataset=dataset_name(folder),
+    return [
+        PictureEntry(text.stem, partial(_read, folder, text, images.get(text.stem)))
+        for text in files_with(folder / "Annotations", ".xml")
+    ]
+
+
+def _read(folder: Path, text: Path, image: Path | None) -> Picture:
+    if image is None:
+        raise FileNotFoundError(
+            f"{folder / 'JPEGImages'} has no image {text.stem}; expected that of {text}"
         )
-        if still is not None:
-            stills.append(still)
-    return stills
+    size, boxes = read_xml(text, first_pixel=1)
+    outlines = folder / "SegmentationObject" / f"{text.stem}.png"
+    masks: list[Mask | None] = [None] * len(boxes)
+    if outlines.is_file():
+        masks = [IndexedMask(outlines, number) for number in range(1, len(boxes) + 1)]
+    return Picture(
+        image, boxes_array(boxes), tuple(masks), size, text, dataset=dataset_name(folder)
+    )
 
 
 def read_xml(
-    text: Path, image: Path, *, first_pixel: int
-) -> tuple[tuple[float, float], list[tuple[float, float, float, float]]]:
-    """Width and height of a picture, and box_xywh of every object, without area where it has none.
+    text: Path, *, first_pixel: int
+) -> tuple[tuple[float, float] | None, list[tuple[float, float, float, float]]]:
+    """Width and height that an XML file states of its picture, and box_xywh of every object.
 
     Args:
         text: the XML file.
-        image: its picture, which is decoded where the file does not say how large it is.
         first_pixel: what the dataset calls the first column and row of an image, 0 or 1.
 
+    Returns:
+        the size, None where the file states none; the boxes, without area where an object has
+        none.
+
     Raises:
-        ValueError: the file is not of that form, or the picture cannot be read.
+        ValueError: the file is not of that form.
     """
     try:
         root = ET.parse(text).getroot()
-        size = tuple(float(root.findtext(f"size/{side}") or 0) for side in ("width", "height"))
+        width, height = (float(root.findtext(f"size/{side}") or 0) for side in ("width", "height"))
         boxes = [_box(element, first_pixel) for element in root.findall("object")]
     except (ET.ParseError, ValueError) as error:
         raise ValueError(f"{text}: {error}; expected {_EXPECTED}") from error
-    if min(size) <= 0:
-        picture = cv2.imread(str(image))
-        if picture is None:
-            raise ValueError(f"{image} cannot be read as an image; restore it or leave it out")
-        size = (float(picture.shape[1]), float(picture.shape[0]))
-    return (size[0], size[1]), boxes
+    return (width, height) if min(width, height) > 0 else None, boxes
 
 
 def _box(element: ET.Element, first_pixel: int) -> tuple[float, float, float, float]:

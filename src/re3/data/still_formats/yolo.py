@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from functools import partial
 from itertools import islice
 from pathlib import Path
 
@@ -17,7 +18,7 @@ import numpy as np
 
 from re3.data.formats.files import dataset_name, numbers_of
 from re3.data.masks import Mask, Polygons
-from re3.data.stills import Still, make_still
+from re3.data.still_formats.picture import Picture, PictureEntry, boxes_array
 from re3.video.images import sorted_images
 
 LAYOUT = "images/ and labels/ with a .txt an image (class cx cy w h, normalised), or both together"
@@ -35,23 +36,19 @@ def detect(folder: Path) -> bool:
     return any(_looks_like_labels(text) for _, text in labelled)
 
 
-def read(folder: Path, smallest_share: float) -> list[Still]:
-    """The pictures that have a text with an object large enough."""
-    stills = []
-    for image, text in _labelled(*_trees(folder)):
-        boxes, masks = _read_labels(text)
-        still = make_still(
-            image,
-            boxes,
-            1.0,
-            smallest_share,
-            masks=masks,
-            relative=True,
-            dataset=dataset_name(folder),
-        )
-        if still is not None:
-            stills.append(still)
-    return stills
+def entries(folder: Path) -> list[PictureEntry]:
+    """The pictures that have a text."""
+    images, labels = _trees(folder)
+    dataset = dataset_name(folder)
+    return [
+        PictureEntry(str(image.relative_to(images)), partial(_read, image, text, dataset))
+        for image, text in _labelled(images, labels)
+    ]
+
+
+def _read(image: Path, text: Path, dataset: str) -> Picture:
+    boxes, masks = _read_labels(text)
+    return Picture(image, boxes_array(boxes), tuple(masks), relative=True, dataset=dataset)
 
 
 def _trees(folder: Path) -> tuple[Path, Path]:
