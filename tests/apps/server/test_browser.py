@@ -5,19 +5,14 @@ import io
 import os
 import re
 import shutil
-import threading
 import time
 import urllib.request
-from contextlib import contextmanager
 
 import av
 import pytest
 from typer.testing import CliRunner
 
 from re3.apps.cli import app as command_line
-from re3.apps.server.application import create_app
-from re3.apps.server.limits import Limits
-from re3.apps.server.running import Server
 from re3.apps.server.samples import find_sample
 
 pytest.importorskip("playwright", reason="needs Playwright: pip install playwright")
@@ -66,23 +61,10 @@ def write_webcam(path):
             file.write(b"FRAME\n" + frame)
 
 
-@contextmanager
-def running_server():
-    server = Server(create_app(limits=Limits(sessions=20)), "127.0.0.1", 0)
-    thread = threading.Thread(target=server.run)
-    thread.start()
-    try:
-        yield server.url.rstrip("/")
-    finally:
-        server.stop()
-        thread.join(timeout=20)
-        assert not thread.is_alive()
-
-
 @pytest.fixture(scope="module")
-def base():
-    with running_server() as url:
-        yield url
+def base(running_server):
+    with running_server() as server:
+        yield server.url.rstrip("/")
 
 
 @pytest.fixture
@@ -373,8 +355,9 @@ def test_a_file_chosen_before_the_server_has_answered_is_opened(new_page, tmp_pa
     expect(page.locator("#banner")).to_contain_text("not one that can be tracked in")
 
 
-def test_a_session_that_ends_and_a_server_that_stops_are_told_of(new_page):
-    with running_server() as url:
+def test_a_session_that_ends_and_a_server_that_stops_are_told_of(new_page, running_server):
+    with running_server() as server:
+        url = server.url.rstrip("/")
         page = new_page(at=url)
         open_sample(page)
         session = page.evaluate("re3.id")

@@ -196,10 +196,9 @@ class Session:
             near = start(video)
             if near != video.position:
                 await self.run(lambda: video.show(near))
+                await self.show()
             self.player.play(video, speed, until)
             self.tell_state()
-            if near != video.position or speed == AS_FAST_AS_POSSIBLE:
-                await self.show()
 
     async def pause(self) -> None:
         """Stop where it is; where it does not play, also stop tracking again after a change."""
