@@ -182,8 +182,9 @@ def test_draw_track_correct_and_export(new_page, short_clip):
     until(page, f"re3.model.shown === {at}")
     x, y, w, h = page.evaluate("re3.model.box(1)")
     drag(page, (x + w / 2, y + h / 2, 20, 10))  # inside the selected box: moves it
-    until(page, f"re3.model.session.tracked_until === {at}")
-    corrected = boxes(page)[-1]["results"][0]["box_xywh"]
+    until(page, f"re3.model.object(1).given.includes({at})")
+    until(page, "re3.model.session.catching_up === 0")
+    corrected = boxes(page)[at]["results"][0]["box_xywh"]
     inside = (min(x + 20, 768 - w), min(y + 10, 432 - h), w, h)
     assert corrected == pytest.approx(inside, abs=2)
     assert corrected[2:] == pytest.approx([w, h], abs=0.01)  # boxes are drawn in 1/100 pixels

@@ -1,18 +1,20 @@
 // The picture with its boxes: drawing them, and drawing new ones by mouse, finger or keyboard.
 
-import { HANDLES, between, contains, handleAt, handlePoint, largeEnough, moved, resized }
+import { HANDLES, between, clamp, contains, handleAt, handlePoint, largeEnough, moved, resized }
   from "./boxes.js";
 
 const TRAIL = 40; // frames
 const ROOM = 40; // CSS pixels of a side with a handle in its middle; shorter ones have corners only
 const NAME_LENGTH = 28;
-const REACH = { mouse: 8, touch: 18, pen: 10 }; // CSS pixels
+const REACH = { mouse: 8, touch: 22, pen: 10 }; // CSS pixels
+const MOST_ZOOM = 16;
 const CURSORS = { nw: "nwse-resize", se: "nwse-resize", ne: "nesw-resize", sw: "nesw-resize",
   n: "ns-resize", s: "ns-resize", e: "ew-resize", w: "ew-resize" };
 
 /**
  * `on.hold()` before a box is begun; `on.drawn(box)` a new one; `on.changed(id, box)` one of an
- * object; `on.select(id)`; `on.draft()` where one made with the keyboard changes; `on.say(text)`.
+ * object; `on.select(id)`; `on.draft()` where one made with the keyboard changes; `on.say(text)`;
+ * `on.zoomed()` where another part of the frame is shown.
  */
 export class Stage {
   constructor(element, model, on) {
@@ -24,11 +26,20 @@ export class Stage {
     this.drag = null; // a pointer at work
     this.draft = null; // {box, id}: a box being made with the keyboard; id of the object changed
     this.size = [16, 9];
+    this.zoom = 1;
+    this.corner = [0, 0]; // the top left point shown, in pixels of the video
+    this.fingers = new Map(); // pointer -> its place, of those that touch
+    this.panning = null; // where the picture is held
     element.addEventListener("pointerdown", (event) => this.down(event));
     element.addEventListener("pointermove", (event) => this.move(event));
     element.addEventListener("pointerup", (event) => this.up(event));
-    element.addEventListener("pointercancel", () => this.cancel());
-    new ResizeObserver(() => this.draw()).observe(element);
+    element.addEventListener("pointercancel", (event) => {
+      this.fingers.delete(event.pointerId);
+      this.panning = null;
+      this.cancel();
+    });
+    element.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
+    new ResizeObserver(() => this.place()).observe(element);
   }
 
   /** Width and height of the video, in whose pixels boxes are. */
@@ -37,7 +48,7 @@ export class Stage {
     this.size = [width, height];
     this.element.style.aspectRatio = `${width} / ${height}`;
     this.element.style.maxWidth = `calc(min(62vh, 46rem) * ${width / height})`;
-    this.draw();
+    this.fit();
   }
 
   show(image) {
@@ -54,12 +65,70 @@ export class Stage {
 
   point(event) {
     const area = this.element.getBoundingClientRect();
-    return [(event.clientX - area.left) / area.width * this.size[0],
-      (event.clientY - area.top) / area.height * this.size[1]];
+    return [this.corner[0] + (event.clientX - area.left) * this.scale,
+      this.corner[1] + (event.clientY - area.top) * this.scale];
   }
 
   get scale() { // video pixels per CSS pixel
-    return this.size[0] / Math.max(1, this.element.clientWidth);
+    return this.size[0] / Math.max(1, this.element.clientWidth) / this.zoom;
+  }
+
+  // Zoom
+
+  fit() {
+    this.zoom = 1;
+    this.corner = [0, 0];
+    this.place();
+  }
+
+  /** Zoom by a factor about a point of the video: the selected box, or the middle, where none is given. */
+  zoomBy(factor, about = null) {
+    const box = this.draft?.box ?? this.model.box(this.model.selected);
+    const middle = about ?? (box ? [box[0] + box[2] / 2, box[1] + box[3] / 2]
+      : this.corner.map((v, axis) => v + this.size[axis] / this.zoom / 2));
+    const zoom = clamp(this.zoom * factor, 1, MOST_ZOOM);
+    // The pointer's point stays; a box comes to the middle.
+    this.corner = about ? about.map((v, axis) => v - (v - this.corner[axis]) * this.zoom / zoom)
+      : middle.map((v, axis) => v - this.size[axis] / zoom / 2);
+    this.zoom = zoom;
+    this.place();
+  }
+
+  pan(dx, dy) {
+    this.corner = [this.corner[0] + dx, this.corner[1] + dy];
+    this.place();
+  }
+
+  /** Keep the frame within the stage, and lay the picture where its part is. */
+  place() {
+    this.corner = this.corner.map((v, axis) => clamp(v, 0, this.size[axis] * (1 - 1 / this.zoom)));
+    const [x, y] = this.corner.map((v) => -v / this.scale);
+    this.picture.style.transform = `translate(${x}px, ${y}px) scale(${this.zoom})`;
+    this.picture.style.imageRendering = this.zoom > 4 ? "pixelated" : "";
+    this.draw();
+    this.on.zoomed();
+  }
+
+  wheel(event) {
+    const out = event.deltaY > 0;
+    if (this.zoom === 1 && out && !event.ctrlKey) return; // the page scrolls
+    event.preventDefault();
+    if (event.shiftKey || Math.abs(event.deltaX) > Math.abs(event.deltaY)) {
+      this.pan((event.deltaX || event.deltaY) * this.scale, 0);
+    } else this.zoomBy(Math.exp(clamp(-event.deltaY, -120, 120) / 300), this.point(event));
+  }
+
+  /** Two fingers move and zoom the picture. */
+  pinch(event) {
+    const before = [...this.fingers.values()];
+    this.fingers.set(event.pointerId, [event.clientX, event.clientY]);
+    const after = [...this.fingers.values()];
+    const middle = (fingers) => [0, 1].map((axis) => (fingers[0][axis] + fingers[1][axis]) / 2);
+    const apart = (fingers) => Math.hypot(fingers[0][0] - fingers[1][0], fingers[0][1] - fingers[1][1]);
+    const [from, to] = [middle(before), middle(after)];
+    const at = this.point({ clientX: to[0], clientY: to[1] });
+    this.zoomBy(apart(after) / Math.max(1, apart(before)), at);
+    this.pan((from[0] - to[0]) * this.scale, (from[1] - to[1]) * this.scale);
   }
 
   /** What a pointer there would do: {kind: "resize" | "move" | "draw", ...}. */
@@ -74,6 +143,17 @@ export class Stage {
   }
 
   down(event) {
+    if (event.pointerType === "touch") {
+      this.fingers.set(event.pointerId, [event.clientX, event.clientY]);
+      if (this.fingers.size === 2) this.cancel(); // no box, but a zoom
+    }
+    if (event.button === 1) {
+      event.preventDefault();
+      this.element.setPointerCapture(event.pointerId);
+      this.panning = [event.clientX, event.clientY];
+      return;
+    }
+    if (this.fingers.size > 1) return;
     if (!event.isPrimary || event.button !== 0 || !this.model.ready) return;
     this.element.focus({ preventScroll: true });
     this.element.setPointerCapture(event.pointerId);
@@ -84,6 +164,16 @@ export class Stage {
   }
 
   move(event) {
+    if (this.fingers.size > 1) {
+      if (this.fingers.has(event.pointerId)) this.pinch(event);
+      return;
+    }
+    if (this.panning) {
+      const [x, y] = this.panning;
+      this.panning = [event.clientX, event.clientY];
+      this.pan((x - event.clientX) * this.scale, (y - event.clientY) * this.scale);
+      return;
+    }
     const point = this.point(event);
     if (!this.drag) {
       const aim = this.model.ready ? this.aim(point, event.pointerType) : { kind: "none" };
@@ -103,8 +193,11 @@ export class Stage {
   }
 
   up(event) {
-    const drag = this.drag;
-    if (!drag) return;
+    const { drag } = this;
+    const several = this.fingers.size > 1;
+    this.fingers.delete(event.pointerId);
+    this.panning = null;
+    if (!drag || several) return;
     this.move(event);
     this.drag = null;
     if (drag.kind === "draw" && drag.now && largeEnough(drag.now)) this.finish(drag.now, null);
@@ -154,7 +247,7 @@ export class Stage {
     if (!this.draft) return false;
     const by = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
     if (by) {
-      const step = event.altKey ? 1 : Math.max(2, this.size[0] / 80);
+      const step = event.altKey ? 1 : Math.max(1, this.size[0] / 80 / this.zoom);
       const [dx, dy] = by.map((sign) => sign * step);
       this.draft.box = event.shiftKey ? resized(this.draft.box, "se", dx, dy, this.size)
         : moved(this.draft.box, dx, dy, this.size);
@@ -184,7 +277,7 @@ export class Stage {
     canvas.height = Math.round(height * ratio);
     const pen = canvas.getContext("2d");
     pen.scale(ratio, ratio);
-    const k = width / this.size[0];
+    const k = width / this.size[0] * this.zoom; // CSS pixels per pixel of the video
     const changing = this.drag?.now ? this.drag.id : this.draft?.id;
     for (const found of this.model.results()) {
       const { colour } = this.model.object(found.object) ?? {};
@@ -192,14 +285,18 @@ export class Stage {
       this.drawTrail(pen, found.object, colour, k);
       if (found.object === changing) continue;
       const selected = found.object === this.model.selected;
-      this.drawBox(pen, found.box_xywh.map((v) => v * k), colour, found.status, selected);
+      this.drawBox(pen, this.onScreen(found.box_xywh, k), colour, found.status, selected);
       this.drawLabel(pen, found, colour, k, width);
     }
     const now = this.drag?.now ?? this.draft?.box;
     if (now) {
       const owner = this.model.object(changing ?? this.model.redrawing);
-      this.drawBox(pen, now.map((v) => v * k), owner?.colour ?? "#ffffff", "tracked", true);
+      this.drawBox(pen, this.onScreen(now, k), owner?.colour ?? "#ffffff", "tracked", true);
     }
+  }
+
+  onScreen([x, y, w, h], k) {
+    return [(x - this.corner[0]) * k, (y - this.corner[1]) * k, w * k, h * k];
   }
 
   drawTrail(pen, id, colour, k) {
@@ -211,8 +308,7 @@ export class Stage {
     for (let index = last - TRAIL; index <= last; index++) {
       const found = this.model.results(index).find((each) => each.object === id);
       const centre = found && found.status !== "lost"
-        ? [(found.box_xywh[0] + found.box_xywh[2] / 2) * k, (found.box_xywh[1] + found.box_xywh[3] / 2) * k]
-        : null;
+        ? handlePoint(this.onScreen(found.box_xywh, k), "") : null;
       if (before && centre) {
         pen.globalAlpha = 0.15 + 0.65 * (index - last + TRAIL) / TRAIL;
         pen.beginPath();
@@ -266,7 +362,8 @@ export class Stage {
     const text = `${name}${score}${found.status === "tracked" ? "" : ` ${found.status}`}`;
     pen.font = "600 13px system-ui, sans-serif";
     const plate = Math.min(pen.measureText(text).width + 10, width);
-    const [x, y, , h] = found.box_xywh.map((v) => v * k);
+    const [x, y, w, h] = this.onScreen(found.box_xywh, k);
+    if (x + w < 0 || y + h < 0 || x > width || y > this.element.clientHeight) return;
     const left = Math.min(Math.max(0, x - 1), width - plate);
     const top = y - 22 >= 0 ? y - 22 : Math.max(0, Math.min(y + h + 2, this.element.clientHeight - 20));
     pen.fillStyle = found.status === "lost" ? "#b4b4b4" : colour;

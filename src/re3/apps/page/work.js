@@ -1,6 +1,6 @@
 // The second screen: the video, its objects, and what is done with them.
 
-import { Stream, request } from "./api.js";
+import { CANCELLED, Stream, download, request } from "./api.js";
 import { Chart } from "./chart.js";
 import { hint } from "./hints.js";
 import { Model } from "./model.js";
@@ -37,6 +37,8 @@ export class WorkScreen {
     this.connected = true;
     this.said = "";
     this.turn = this.lastTurn = 0; // of pictures: decoding may change their order
+    this.looking = this.lookNext = null; // frames looked at while the chart is dragged
+    this.writing = null; // cancels the video being written
     this.stage = new Stage($("stage"), model, {
       hold: () => this.hold(),
       release: () => this.release(),
@@ -48,8 +50,10 @@ export class WorkScreen {
         this.updateHint();
       },
       say: (text) => this.say(text),
+      zoomed: () => this.zoomed(),
     });
-    this.chart = new Chart($("chart"), model, (frame) => this.command({ do: "seek", frame }));
+    this.chart = new Chart($("chart"), model, (frame) => this.command({ do: "seek", frame }),
+      (frame) => this.look(frame));
     this.list = new ObjectList($("objects"), $("no-objects"), model, {
       rename: (id, name) => this.change(id, { name }),
       recolour: (id, colour) => this.change(id, { colour }),
@@ -68,6 +72,14 @@ export class WorkScreen {
     $("speed").addEventListener("change", () => this.model.session?.playing && this.play());
     // A click of the keyboard has no detail.
     $("add").addEventListener("click", (event) => (event.detail ? this.add() : this.stage.beginDraft()));
+    $("undo").addEventListener("click", () => this.command({ do: "undo" }));
+    $("redo").addEventListener("click", () => this.command({ do: "redo" }));
+    $("again-stop").addEventListener("click", () => this.command({ do: "pause" }));
+    $("track-rest").addEventListener("click", () => this.command({ do: "track" }));
+    $("zoom-in").addEventListener("click", () => this.stage.zoomBy(1.5));
+    $("zoom-out").addEventListener("click", () => this.stage.zoomBy(1 / 1.5));
+    $("zoom-fit").addEventListener("click", () => this.stage.fit());
+    $("writing-cancel").addEventListener("click", () => this.writing?.abort());
     $("copy").addEventListener("click", () => this.copyLink());
     $("done").addEventListener("click", () => this.handOver());
     $("idle").textContent = this.about.limits.idle_minutes;
@@ -77,12 +89,13 @@ export class WorkScreen {
       link.dataset.kind = kind;
       link.title = IN_FILE[kind] ?? "";
       link.addEventListener("click", (event) => {
-        if (this.model.objects.length) {
-          if (kind === "mp4") this.say("Writing the video. The download starts when it is done.");
-          return;
+        const tracked = this.model.objects.length > 0;
+        if (!tracked || kind === "mp4") event.preventDefault();
+        if (!tracked) this.say("Nothing is tracked yet. Draw a box first.");
+        else if (kind === "mp4") this.write(link.href);
+        else if (this.model.session.untracked.length) {
+          this.say(`The file is not complete: ${this.untrackedText}`);
         }
-        event.preventDefault();
-        this.say("Nothing is tracked yet. Draw a box first.");
       });
       item.append(link);
       $("exports").append(item);
@@ -134,6 +147,7 @@ export class WorkScreen {
       state: () => this.update(head.session),
       boxes: () => head.frames.forEach((frame) => this.model.setFrame(frame)),
       frame: () => this.frame(head, picture),
+      export: () => this.wrote(head.done),
       dropped: () => this.camera?.answered(head.number),
       refused: () => {
         this.camera?.answered(head.number);
@@ -151,6 +165,7 @@ export class WorkScreen {
     const { model } = this;
     model.setFrame(head);
     model.position = head.index;
+    this.looked();
     const own = head.number === undefined ? null : this.camera?.answered(head.number);
     if (picture) {
       const turn = ++this.turn;
@@ -175,6 +190,8 @@ export class WorkScreen {
 
   shown(head) {
     this.model.shown = head.index;
+    this.sharp = false;
+    this.sharpen();
     this.times.push(performance.now());
     if (this.times.length > 20) this.times.shift();
     this.refresh(head);
@@ -183,6 +200,7 @@ export class WorkScreen {
   refresh(head) {
     this.stage.draw();
     this.list.updateScores();
+    $("play").textContent = this.playLabel;
     this.figures(head);
     this.updateHint();
   }
@@ -210,6 +228,26 @@ export class WorkScreen {
     this.updateHint();
   }
 
+  /** What is being tracked again, and what is not tracked at all. */
+  updateProgress() {
+    const { session } = this.model;
+    const left = session.catching_up ?? 0;
+    const text = left ? `Tracking again after a change: ${left} ${left > 1 ? "frames" : "frame"} to go.` : "";
+    if ($("again-text").textContent !== text) $("again-text").textContent = text;
+    $("again-stop").hidden = !left;
+    for (const [name, title] of [["undo", "Undo"], ["redo", "Redo"]]) {
+      $(name).disabled = !session.ready || !session[name];
+      $(name).title = session[name] ? `${title}: ${session[name]}` : title;
+    }
+    const lacking = session.untracked?.length > 0 && !session.playing && !left;
+    $("untracked").hidden = !lacking;
+    if (lacking) $("untracked-text").textContent = `Not tracked: ${this.untrackedText}`;
+  }
+
+  get untrackedText() {
+    return `${this.model.session.untracked.join("; ")}.`;
+  }
+
   gone(why) {
     this.stream.close();
     this.camera?.stop();
@@ -229,6 +267,7 @@ export class WorkScreen {
     $("back").disabled = !ready || model.position === 0 || !this.connected;
     $("forward").disabled = !ready || !this.connected;
     $("add").disabled = !ready;
+    this.updateProgress();
     const select = source === "select";
     $("select-box").hidden = !select;
     $("results-box").hidden = select;
@@ -251,7 +290,8 @@ export class WorkScreen {
     if (this.running) return "Pause";
     if (this.camera) return "Go on";
     if (session.ended) return "Play again";
-    return objects.length && position >= session.tracked_until ? "Track" : "Play";
+    const behind = position >= session.tracked_until || this.model.unknown.length > 0;
+    return objects.length && behind ? "Track" : "Play";
   }
 
   updateHint() {
@@ -299,6 +339,88 @@ export class WorkScreen {
     if (this.camera) this.camera.running = false;
     this.command({ do: "step", by });
     this.updateControls();
+  }
+
+  /** Show a frame without tracking: one request at a time, the newest wish next. */
+  look(frame) {
+    if (this.camera) this.camera.running = false;
+    this.lookNext = frame;
+    if (this.looking === null) this.lookOn();
+  }
+
+  lookOn() {
+    const frame = this.lookNext;
+    [this.looking, this.lookNext] = [null, null];
+    if (frame === null || frame === this.model.position) return;
+    this.looking = frame;
+    this.command({ do: "look", frame });
+  }
+
+  /** A frame came: the next one can be asked for. */
+  looked() {
+    if (this.looking !== null) this.lookOn();
+  }
+
+  zoomed() {
+    $("zoom-fit").textContent = `${Math.round(100 * this.stage.zoom)} %`;
+    this.sharpen();
+  }
+
+  /** Where it is zoomed in, the frame in all its pixels, once it stands still. */
+  sharpen() {
+    clearTimeout(this.sharpening);
+    const { model, stage } = this;
+    const small = stage.picture.width < stage.size[0];
+    if (stage.zoom === 1 || !small || this.sharp || !model.ready || model.session.playing) return;
+    this.sharpening = setTimeout(async () => {
+      const answer = await fetch(`/api/sessions/${this.id}/frame.jpg?whole=true`).catch(() => null);
+      if (!answer?.ok) return;
+      const image = await createImageBitmap(await answer.blob());
+      if (Number(answer.headers.get("Re3-Frame")) === model.shown) {
+        stage.show(image);
+        this.sharp = true;
+      }
+      image.close();
+    }, 250);
+  }
+
+  /** Let the video be written, and download it. */
+  async write(path) {
+    if (this.writing) return;
+    this.writing = new AbortController();
+    this.wrote(0);
+    $("writing").hidden = false;
+    try {
+      const [name, content] = await download(path, this.writing.signal);
+      const link = document.createElement("a");
+      link.href = URL.createObjectURL(content);
+      link.download = name;
+      link.click();
+      setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
+    } catch (error) {
+      if (error.message !== CANCELLED) this.banner(error.message);
+    } finally {
+      this.writing = null;
+      $("writing").hidden = true;
+    }
+  }
+
+  wrote(part) {
+    if (part === null) return;
+    $("writing-bar").value = part;
+    $("writing-text").textContent = `Writing the video: ${Math.floor(100 * part)} %`
+      + (this.model.session.untracked.length ? `. It is not complete: ${this.untrackedText}` : "");
+  }
+
+  /** End the session, so that another has its place. */
+  async end() {
+    const { session, objects } = this.model;
+    if (session?.ready && objects.length
+      && !confirm("End this session? Its boxes are forgotten: download them first.")) return;
+    this.stream?.close();
+    this.camera?.stop();
+    await request("DELETE", `/api/sessions/${this.id}`).catch(() => {});
+    location.assign("/");
   }
 
   /** The picture stands still while a box is drawn. */
@@ -406,10 +528,22 @@ export class WorkScreen {
 
   // Keys
 
+  undoKey(event) {
+    const kind = undoKind(event);
+    if (!kind) return;
+    event.preventDefault();
+    if (this.stage.draft) this.stage.cancel();
+    else if (this.model.session[kind]) this.command({ do: kind });
+  }
+
   key(event) {
-    if (!this.stream || event.ctrlKey || event.metaKey) return;
+    if (!this.stream) return;
     const target = event.target;
     if (target.matches("input, select, textarea")) return;
+    if (event.ctrlKey || event.metaKey) {
+      this.undoKey(event);
+      return;
+    }
     if (this.stage.key(event)) {
       event.preventDefault();
       return;
@@ -429,6 +563,10 @@ export class WorkScreen {
       },
       Delete: () => !control && this.model.selected !== null
         && this.remove(this.model.selected),
+      "+": () => this.stage.zoomBy(1.5),
+      "=": () => this.stage.zoomBy(1.5),
+      "-": () => this.stage.zoomBy(1 / 1.5),
+      0: () => this.stage.fit(),
       Escape: () => {
         this.model.redrawing = null;
         this.stage.cancel();
@@ -436,8 +574,15 @@ export class WorkScreen {
         this.updateHint();
       },
     };
+    acts.Backspace = acts.Delete; // keyboards of laptops have no other
     if (acts[event.key] && acts[event.key]() !== false) event.preventDefault();
   }
+}
+
+function undoKind(event) {
+  const key = event.key.toLowerCase();
+  if (key === "z") return event.shiftKey ? "redo" : "undo";
+  return key === "y" ? "redo" : null;
 }
 
 function nextPaint() {
