@@ -365,7 +365,9 @@ export class Stage {
     const [x, y, w, h] = this.onScreen(found.box_xywh, k);
     if (x + w < 0 || y + h < 0 || x > width || y > this.element.clientHeight) return;
     const left = Math.min(Math.max(0, x - 1), width - plate);
-    const top = y - 22 >= 0 ? y - 22 : Math.max(0, Math.min(y + h + 2, this.element.clientHeight - 20));
+    const below = Math.max(0, Math.min(y + h + 2, this.element.clientHeight - 20));
+    // Of a box larger than what is shown the label is in its corner.
+    const top = y - 22 >= 0 ? y - 22 : this.zoom > 1 && below < y + h ? Math.max(0, y) : below;
     pen.fillStyle = found.status === "lost" ? "#b4b4b4" : colour;
     pen.fillRect(left, top, plate, 20);
     pen.fillStyle = dark(pen.fillStyle) ? "#ffffff" : "#141414";
