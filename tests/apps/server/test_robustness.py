@@ -218,7 +218,7 @@ def test_a_full_disk_is_told(client, app, monkeypatch, capfd):
         assert told_full(client.get(f"{sample}/export/csv"))
         patch.setattr(exports, "_write_job", full)
         assert told_full(client.get(f"{sample}/export/mp4"))
-        patch.setattr("re3.apps.server.routes.tempfile.mkdtemp", full)
+        patch.setattr("re3.apps.server.export_routes.tempfile.mkdtemp", full)
         assert told_full(client.get(f"{sample}/export/csv"))
     assert client.get(f"{sample}/export/csv").status_code == 200
     with monkeypatch.context() as patch:

@@ -2,12 +2,12 @@
 
 import { HANDLES, between, clamp, contains, handleAt, handlePoint, largeEnough, moved, resized }
   from "./boxes.js";
+import { Fingers, View } from "./view.js";
 
 const TRAIL = 40; // frames
 const ROOM = 40; // CSS pixels of a side with a handle in its middle; shorter ones have corners only
 const NAME_LENGTH = 28;
 const REACH = { mouse: 8, touch: 22, pen: 10 }; // CSS pixels
-const MOST_ZOOM = 16;
 const CURSORS = { nw: "nwse-resize", se: "nwse-resize", ne: "nesw-resize", sw: "nesw-resize",
   n: "ns-resize", s: "ns-resize", e: "ew-resize", w: "ew-resize" };
 
@@ -25,16 +25,14 @@ export class Stage {
     this.overlay = element.querySelector("#overlay");
     this.drag = null; // a pointer at work
     this.draft = null; // {box, id}: a box being made with the keyboard; id of the object changed
-    this.size = [16, 9];
-    this.zoom = 1;
-    this.corner = [0, 0]; // the top left point shown, in pixels of the video
-    this.fingers = new Map(); // pointer -> its place, of those that touch
+    this.view = new View();
+    this.fingers = new Fingers();
     this.panning = null; // where the picture is held
     element.addEventListener("pointerdown", (event) => this.down(event));
     element.addEventListener("pointermove", (event) => this.move(event));
     element.addEventListener("pointerup", (event) => this.up(event));
     element.addEventListener("pointercancel", (event) => {
-      this.fingers.delete(event.pointerId);
+      this.fingers.lift(event);
       this.panning = null;
       this.cancel();
     });
@@ -45,7 +43,7 @@ export class Stage {
   /** Width and height of the video, in whose pixels boxes are. */
   setSize(width, height) {
     if (width === this.size[0] && height === this.size[1]) return;
-    this.size = [width, height];
+    this.view.size = [width, height];
     this.element.style.aspectRatio = `${width} / ${height}`;
     this.element.style.maxWidth = `calc(min(62vh, 46rem) * ${width / height})`;
     this.fit();
@@ -69,6 +67,18 @@ export class Stage {
       this.corner[1] + (event.clientY - area.top) * this.scale];
   }
 
+  get size() {
+    return this.view.size;
+  }
+
+  get zoom() {
+    return this.view.zoom;
+  }
+
+  get corner() {
+    return this.view.corner;
+  }
+
   get scale() { // video pixels per CSS pixel
     return this.size[0] / Math.max(1, this.element.clientWidth) / this.zoom;
   }
@@ -76,32 +86,25 @@ export class Stage {
   // Zoom
 
   fit() {
-    this.zoom = 1;
-    this.corner = [0, 0];
+    this.view.fit();
     this.place();
   }
 
-  /** Zoom by a factor about a point of the video: the selected box, or the middle, where none is given. */
+  /** Zoom by a factor about a point that stays, or else to the selected box or the middle. */
   zoomBy(factor, about = null) {
     const box = this.draft?.box ?? this.model.box(this.model.selected);
-    const middle = about ?? (box ? [box[0] + box[2] / 2, box[1] + box[3] / 2]
-      : this.corner.map((v, axis) => v + this.size[axis] / this.zoom / 2));
-    const zoom = clamp(this.zoom * factor, 1, MOST_ZOOM);
-    // The pointer's point stays; a box comes to the middle.
-    this.corner = about ? about.map((v, axis) => v - (v - this.corner[axis]) * this.zoom / zoom)
-      : middle.map((v, axis) => v - this.size[axis] / zoom / 2);
-    this.zoom = zoom;
+    if (about) this.view.zoomAt(factor, about);
+    else this.view.zoomTo(factor, box ? handlePoint(box, "") : this.view.middle);
     this.place();
   }
 
   pan(dx, dy) {
-    this.corner = [this.corner[0] + dx, this.corner[1] + dy];
+    this.view.moveBy(dx, dy);
     this.place();
   }
 
-  /** Keep the frame within the stage, and lay the picture where its part is. */
+  /** Lay the picture where its part is. */
   place() {
-    this.corner = this.corner.map((v, axis) => clamp(v, 0, this.size[axis] * (1 - 1 / this.zoom)));
     const [x, y] = this.corner.map((v) => -v / this.scale);
     this.picture.style.transform = `translate(${x}px, ${y}px) scale(${this.zoom})`;
     this.picture.style.imageRendering = this.zoom > 4 ? "pixelated" : "";
@@ -120,14 +123,8 @@ export class Stage {
 
   /** Two fingers move and zoom the picture. */
   pinch(event) {
-    const before = [...this.fingers.values()];
-    this.fingers.set(event.pointerId, [event.clientX, event.clientY]);
-    const after = [...this.fingers.values()];
-    const middle = (fingers) => [0, 1].map((axis) => (fingers[0][axis] + fingers[1][axis]) / 2);
-    const apart = (fingers) => Math.hypot(fingers[0][0] - fingers[1][0], fingers[0][1] - fingers[1][1]);
-    const [from, to] = [middle(before), middle(after)];
-    const at = this.point({ clientX: to[0], clientY: to[1] });
-    this.zoomBy(apart(after) / Math.max(1, apart(before)), at);
+    const { factor, from, to } = this.fingers.move(event);
+    this.zoomBy(factor, this.point({ clientX: to[0], clientY: to[1] }));
     this.pan((from[0] - to[0]) * this.scale, (from[1] - to[1]) * this.scale);
   }
 
@@ -143,17 +140,15 @@ export class Stage {
   }
 
   down(event) {
-    if (event.pointerType === "touch") {
-      this.fingers.set(event.pointerId, [event.clientX, event.clientY]);
-      if (this.fingers.size === 2) this.cancel(); // no box, but a zoom
-    }
+    this.fingers.put(event);
+    if (this.fingers.several) this.cancel(); // no box, but a zoom
     if (event.button === 1) {
       event.preventDefault();
       this.element.setPointerCapture(event.pointerId);
       this.panning = [event.clientX, event.clientY];
       return;
     }
-    if (this.fingers.size > 1) return;
+    if (this.fingers.several) return;
     if (!event.isPrimary || event.button !== 0 || !this.model.ready) return;
     this.element.focus({ preventScroll: true });
     this.element.setPointerCapture(event.pointerId);
@@ -164,8 +159,8 @@ export class Stage {
   }
 
   move(event) {
-    if (this.fingers.size > 1) {
-      if (this.fingers.has(event.pointerId)) this.pinch(event);
+    if (this.fingers.several) {
+      this.pinch(event);
       return;
     }
     if (this.panning) {
@@ -194,8 +189,8 @@ export class Stage {
 
   up(event) {
     const { drag } = this;
-    const several = this.fingers.size > 1;
-    this.fingers.delete(event.pointerId);
+    const { several } = this.fingers;
+    this.fingers.lift(event);
     this.panning = null;
     if (!drag || several) return;
     this.move(event);

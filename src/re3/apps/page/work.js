@@ -1,7 +1,8 @@
 // The second screen: the video, its objects, and what is done with them.
 
-import { CANCELLED, Stream, download, request } from "./api.js";
+import { Stream, request } from "./api.js";
 import { Chart } from "./chart.js";
+import { Downloads } from "./downloads.js";
 import { hint } from "./hints.js";
 import { Model } from "./model.js";
 import { ObjectList } from "./objects.js";
@@ -15,15 +16,6 @@ const WHY_GONE = {
   unknown: "This session has ended, or the server was started anew.",
   refused: "This session has ended: its video could not be used.",
 };
-const IN_FILE = {
-  csv: "A table: frame, time, object, x, y, width, height in pixels, score, status",
-  json: "What the table holds, for programs",
-  otb: "x,y,width,height a line for each frame; a file for each object, in a ZIP",
-  mot: "frame,object,x,y,width,height,score a line, counted from 1",
-  coco: "images, annotations and categories, as COCO has them",
-  mp4: "The video with boxes and names drawn in",
-};
-
 export class WorkScreen {
   /** `banner(text, button, act)` tells of trouble. */
   constructor(about, banner) {
@@ -38,7 +30,6 @@ export class WorkScreen {
     this.said = "";
     this.turn = this.lastTurn = 0; // of pictures: decoding may change their order
     this.looking = this.lookNext = null; // frames looked at while the chart is dragged
-    this.writing = null; // cancels the video being written
     this.stage = new Stage($("stage"), model, {
       hold: () => this.hold(),
       release: () => this.release(),
@@ -62,6 +53,10 @@ export class WorkScreen {
       remove: (id) => this.remove(id),
       select: (id) => this.select(id),
     });
+    this.downloads = new Downloads(about.exports, model, {
+      say: (text) => this.say(text),
+      problem: (text) => banner(text),
+    });
     this.wire();
   }
 
@@ -79,27 +74,9 @@ export class WorkScreen {
     $("zoom-in").addEventListener("click", () => this.stage.zoomBy(1.5));
     $("zoom-out").addEventListener("click", () => this.stage.zoomBy(1 / 1.5));
     $("zoom-fit").addEventListener("click", () => this.stage.fit());
-    $("writing-cancel").addEventListener("click", () => this.writing?.abort());
     $("copy").addEventListener("click", () => this.copyLink());
     $("done").addEventListener("click", () => this.handOver());
     $("idle").textContent = this.about.limits.idle_minutes;
-    for (const { kind, title } of this.about.exports) {
-      const item = document.createElement("li");
-      const link = Object.assign(document.createElement("a"), { textContent: title, download: "" });
-      link.dataset.kind = kind;
-      link.title = IN_FILE[kind] ?? "";
-      link.addEventListener("click", (event) => {
-        const tracked = this.model.objects.length > 0;
-        if (!tracked || kind === "mp4") event.preventDefault();
-        if (!tracked) this.say("Nothing is tracked yet. Draw a box first.");
-        else if (kind === "mp4") this.write(link.href);
-        else if (this.model.session.untracked.length) {
-          this.say(`The file is not complete: ${this.untrackedText}`);
-        }
-      });
-      item.append(link);
-      $("exports").append(item);
-    }
     document.addEventListener("keydown", (event) => this.key(event));
     // After a click with the mouse the keys are for the video again, not for the button clicked.
     $("work").addEventListener("click", (event) => {
@@ -112,9 +89,7 @@ export class WorkScreen {
     this.camera = camera;
     $("title").textContent = session.title;
     $("work").dataset.source = session.source;
-    for (const link of $("exports").querySelectorAll("a")) {
-      link.href = `/api/sessions/${session.id}/export/${link.dataset.kind}`;
-    }
+    this.downloads.open(session.id);
     this.stream = new Stream(session.id, {
       message: (head, picture) => this.message(head, picture),
       lost: () => {
@@ -147,7 +122,7 @@ export class WorkScreen {
       state: () => this.update(head.session),
       boxes: () => head.frames.forEach((frame) => this.model.setFrame(frame)),
       frame: () => this.frame(head, picture),
-      export: () => this.wrote(head.done),
+      export: () => this.downloads.progress(head.done),
       dropped: () => this.camera?.answered(head.number),
       refused: () => {
         this.camera?.answered(head.number);
@@ -239,13 +214,6 @@ export class WorkScreen {
       $(name).disabled = !session.ready || !session[name];
       $(name).title = session[name] ? `${title}: ${session[name]}` : title;
     }
-    const lacking = session.untracked?.length > 0 && !session.playing && !left;
-    $("untracked").hidden = !lacking;
-    if (lacking) $("untracked-text").textContent = `Not tracked: ${this.untrackedText}`;
-  }
-
-  get untrackedText() {
-    return `${this.model.session.untracked.join("; ")}.`;
   }
 
   gone(why) {
@@ -275,10 +243,7 @@ export class WorkScreen {
     document.querySelector(".controls").hidden = select;
     $("done").disabled = !tracked || !ready;
     $("speed-label").hidden = Boolean(this.camera);
-    for (const link of $("exports").querySelectorAll("a")) {
-      link.toggleAttribute("aria-disabled", false);
-      if (!tracked) link.setAttribute("aria-disabled", "true");
-    }
+    this.downloads.update();
   }
 
   get running() {
@@ -382,34 +347,6 @@ export class WorkScreen {
       }
       image.close();
     }, 250);
-  }
-
-  /** Let the video be written, and download it. */
-  async write(path) {
-    if (this.writing) return;
-    this.writing = new AbortController();
-    this.wrote(0);
-    $("writing").hidden = false;
-    try {
-      const [name, content] = await download(path, this.writing.signal);
-      const link = document.createElement("a");
-      link.href = URL.createObjectURL(content);
-      link.download = name;
-      link.click();
-      setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
-    } catch (error) {
-      if (error.message !== CANCELLED) this.banner(error.message);
-    } finally {
-      this.writing = null;
-      $("writing").hidden = true;
-    }
-  }
-
-  wrote(part) {
-    if (part === null) return;
-    $("writing-bar").value = part;
-    $("writing-text").textContent = `Writing the video: ${Math.floor(100 * part)} %`
-      + (this.model.session.untracked.length ? `. It is not complete: ${this.untrackedText}` : "");
   }
 
   /** End the session, so that another has its place. */

@@ -15,6 +15,7 @@ from starlette.requests import ClientDisconnect
 
 import re3
 from re3.apps.server.bodies import SmallBodies, StalledError
+from re3.apps.server.export_routes import router as export_routes
 from re3.apps.server.limits import Limits
 from re3.apps.server.playing import TrackingFailedError
 from re3.apps.server.problems import NotReadyError, problem, status
@@ -72,6 +73,7 @@ def create_app(
     app.add_middleware(SmallBodies)
     app.add_middleware(SameSiteOnly, names=names)
     app.include_router(rest)
+    app.include_router(export_routes)
     app.include_router(streams)
     _add_errors(app)
     _add_pages(app)

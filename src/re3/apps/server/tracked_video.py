@@ -13,6 +13,7 @@ from fractions import Fraction
 from typing import Protocol
 
 from re3 import geometry
+from re3.apps.server import coverage
 from re3.apps.server.annotation import Change, History, Objects, Segment, TrackedObject
 from re3.apps.server.limits import Limits, OverLimitError
 from re3.apps.server.names import checked_name
@@ -97,16 +98,12 @@ class TrackedVideo:
     @property
     def last_known(self) -> int | None:
         """The last frame in which any object is known, or None."""
-        return max((each.last_known for each in self.objects.values()), default=None)
+        return coverage.last_known(self.objects)
 
     @property
     def tracked_until(self) -> int | None:
         """The last frame up to which all objects are known without a gap, or None."""
-        last = self.last_known
-        if last is None:
-            return None
-        gaps = (at for each in self.objects.values() for at, _ in each.gaps(last))
-        return min(gaps, default=last + 1) - 1
+        return coverage.tracked_until(self.objects)
 
     @property
     def tracking_ms(self) -> float:
@@ -142,10 +139,7 @@ class TrackedVideo:
 
     def last_known_before(self, index: int) -> int:
         """The latest frame up to `index` in which all objects are known."""
-        while not self.is_known(index):
-            segments = [each.segment_at(index) for each in self.objects.values()]
-            index = min(segment.until for segment in segments if segment is not None)
-        return index
+        return coverage.last_known_before(self.objects, index)
 
     def untracked(self) -> list[str]:
         """What is not tracked to the video's end, for people; empty where all is."""
@@ -153,11 +147,7 @@ class TrackedVideo:
             end = self.last_known or 0
         else:
             end = max(self.frame_count - 1, self.last_known or 0)
-        told = []
-        for each in self.objects.values():
-            gaps = ", ".join(f"{a} to {b}" if b > a else f"{a}" for a, b in each.gaps(end))
-            if gaps:
-                told.append(f"{each.name} in frames {gaps}")
+        told = coverage.untracked(self.objects, end)
         if self.objects and self.frame_count is None and self.broken is None:
             told.append(f"what follows frame {end}")
         return told
@@ -186,7 +176,7 @@ class TrackedVideo:
         Returns:
             the frame, or None where there is nothing to catch up with.
         """
-        behind = [segment for segment, _ in self._wanted()]
+        behind = [segment for segment, _ in coverage.wanted(self.objects)]
         if not behind:
             return None
         index = min(segment.until for segment in behind) + 1
@@ -199,11 +189,13 @@ class TrackedVideo:
 
     def frames_to_catch_up(self) -> int:
         """Frames that `catch_up` has still to track, of the object that lacks most."""
-        return max((until - segment.until for segment, until in self._wanted()), default=0)
+        return max(
+            (until - segment.until for segment, until in coverage.wanted(self.objects)), default=0
+        )
 
     def give_up_catching_up(self) -> None:
         """Leave what is not tracked until it is asked for."""
-        for segment, _ in self._wanted():
+        for segment, _ in coverage.wanted(self.objects):
             segment.wanted = -1
 
     def add(
@@ -326,17 +318,6 @@ class TrackedVideo:
         if name in {each.name for each in self.objects.values() if each.id != own}:
             raise ValueError(f"another object is called {name!r}; give each a name of its own")
         return name
-
-    def _wanted(self) -> list[tuple[Segment, int]]:
-        """Segments to catch up with, and the frame up to which each counts and is wanted."""
-        found = []
-        for each in self.objects.values():
-            for at, segment in each.key_frames.items():
-                following = each.key_frame_after(at)
-                if segment is not None:
-                    last = segment.wanted if following is None else following - 1
-                    found.append((segment, min(segment.wanted, last)))
-        return [(segment, until) for segment, until in found if segment.until < until]
 
     def _advance(self, frame: Frame) -> None:
         """Track into a frame all objects that are known up to the frame before."""
