@@ -72,10 +72,28 @@ def test_a_client_that_goes_ends_the_process_and_leaves_no_file(server, at):
     assert httpx2.get(f"{at}/export/mp4", timeout=60).status_code == 200
 
 
-def test_pages_are_told_how_far_it_is(at, monkeypatch):
+def test_a_session_that_ends_ends_the_process(at):
+    answers = []
+    thread = threading.Thread(
+        target=lambda: answers.append(httpx2.get(f"{at}/export/mp4", timeout=60))
+    )
+    thread.start()
+    deadline = time.monotonic() + 10
+    while not workers():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    httpx2.delete(at)
+    thread.join(timeout=5)
+    assert answers[0].status_code == 409
+    assert "has been ended while the file was written" in answers[0].json()["detail"]
+    while workers():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def test_pages_are_told_how_far_it_is(at):
     url = at.replace("http", "ws", 1) + "/stream"
     with connect(url) as page:
-        monkeypatch.setenv("RE3_TEST", "1")
         assert httpx2.get(f"{at}/export/mp4", timeout=60).status_code == 200
         told = []
         while None not in told:

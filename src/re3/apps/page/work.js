@@ -240,7 +240,6 @@ export class WorkScreen {
     $("select-box").hidden = !select;
     $("results-box").hidden = select;
     $("chart-box").hidden = select;
-    document.querySelector(".controls").hidden = select;
     $("done").disabled = !tracked || !ready;
     $("speed-label").hidden = Boolean(this.camera);
     this.downloads.update();

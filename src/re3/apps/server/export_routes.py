@@ -16,6 +16,7 @@ from starlette.background import BackgroundTask
 
 from re3.apps.server.exports import KINDS, Tracks, bgr, write_boxes, write_video
 from re3.apps.server.limits import Limits
+from re3.apps.server.problems import NotReadyError
 from re3.apps.server.routes import CLIENT_GONE, PROBLEMS, All, One
 from re3.apps.server.session import Session
 
@@ -33,7 +34,7 @@ async def export(session: One, kind: str, every: All, request: Request) -> Respo
     session.use()
     if kind not in KINDS:
         raise KeyError(f"there is no export {kind!r}; expected one of {', '.join(KINDS)}")
-    writing = asyncio.create_task(_export(session, kind, every.limits))
+    writing = session.start(_export(session, kind, every.limits))
     gone = asyncio.create_task(_gone(request))
     try:
         await asyncio.wait([writing, gone], return_when=asyncio.FIRST_COMPLETED)
@@ -44,6 +45,8 @@ async def export(session: One, kind: str, every: All, request: Request) -> Respo
     if not writing.done():
         await asyncio.wait([writing])
         return Response(status_code=CLIENT_GONE)
+    if writing.cancelled():
+        raise NotReadyError("the session has been ended while the file was written")
     path, untracked = writing.result()
     media_type = "application/zip" if path.suffix == ".zip" else KINDS[kind].media_type
     return FileResponse(

@@ -6,12 +6,12 @@ import asyncio
 import secrets
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 from re3.apps.server.annotation import Change
 from re3.apps.server.camera_feed import CameraFeed
@@ -75,6 +75,7 @@ class Session:
         self._video: RemoteVideo | Recording | None = None
         self._feed = CameraFeed(self._take_offered)
         self._camera_started = 0.0
+        self._tasks: set[asyncio.Task[Any]] = set()
         self._closed = False
 
     @property
@@ -126,6 +127,13 @@ class Session:
         if self._closed:
             raise NotReadyError("the session has ended")
         return await asyncio.get_running_loop().run_in_executor(self._thread, work)
+
+    def start(self, work: Coroutine[Any, Any, T]) -> asyncio.Task[T]:
+        """A task that is cancelled when the session ends."""
+        task = asyncio.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        return task
 
     async def change(self, change: Callable[[TrackedVideo], T]) -> T:
         """Stop where it is, do something, and show what came of it."""
@@ -322,6 +330,8 @@ class Session:
         self._closed = True
         self.player.cancel()
         self._feed.cancel()
+        for task in self._tasks:
+            task.cancel()
         if self._video is not None:
             decoder = self._video.video if isinstance(self._video, Recording) else self._video
             decoder.close()
