@@ -120,7 +120,7 @@ def test_an_export_of_a_clip_not_tracked_to_its_end_says_so(client, at, monkeypa
     client.post(f"{at}/seek", json={"frame": 4})
     client.patch(f"{at}/objects/1", json={"box_xywh": NUDGED, "name": "die Tür"})
     state = client.get(at).json()
-    assert state["untracked"] == [f"die Tür in frames {state['tracked_until'] + 1} to {LAST}"]
+    assert state["untracked"] == [f"die Tür in frames 5 to {LAST}"]
     for kind in ("csv", "json", "otb", "mot", "coco", "mp4"):
         answer = client.get(f"{at}/export/{kind}")
         assert "short-incomplete." in answer.headers["content-disposition"]
@@ -163,6 +163,14 @@ def test_pages_are_sent_what_was_tracked_again_and_what_undo_brings_back(client,
         for _ in range(3):
             socket.send_json({"do": "undo"})
         assert heads(socket, "error", 1)[0]["error"] == "there is nothing to undo"
+
+
+def test_tracking_again_goes_on_after_playing(client, at):
+    client.post(f"{at}/seek", json={"frame": 0})
+    client.patch(f"{at}/objects/1", json={"box_xywh": NUDGED})
+    assert client.post(f"{at}/seek", json={"frame": 3}).json()["position"] == 3
+    state = wait_until_caught_up(client, at)
+    assert (state["position"], state["tracked_until"]) == (3, LAST)
 
 
 def test_tracking_again_can_be_stopped(client, at):

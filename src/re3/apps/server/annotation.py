@@ -22,6 +22,9 @@ from re3.result import Result
 UNDO_STEPS = 100
 """Changes that can be undone."""
 
+RESULTS_KEPT = 600_000
+"""Boxes of all segments, some 250 bytes each, above which the oldest changes are forgotten."""
+
 
 @dataclass(eq=False)
 class Segment:
@@ -206,6 +209,8 @@ class History:
         del self._done[:-UNDO_STEPS]
         self._undone.clear()
         self.objects = after
+        while len(self._done) > 1 and self._results() > RESULTS_KEPT:
+            del self._done[0]
 
     def undo(self) -> Change | None:
         """Take the latest change back; None where there is none."""
@@ -224,6 +229,9 @@ class History:
         self._done.append(change)
         self.objects = change.after
         return change
+
+    def _results(self) -> int:
+        return sum(len(segment.results) for segment in self.segments())
 
     def segments(self) -> set[Segment]:
         """All that are in use, or can be brought back."""

@@ -32,9 +32,11 @@ def untracked(objects: Objects, end: int) -> list[str]:
     """What is not tracked up to frame `end`, an object each, for people."""
     told = []
     for each in objects.values():
-        gaps = [f"{a} to {b}" if b > a else f"{a}" for a, b in each.gaps(end)]
+        gaps = list(each.gaps(end))
         if gaps:
-            told.append(f"{each.name} in frames {', '.join(gaps)}")
+            frames = ", ".join(f"{a} to {b}" if b > a else f"{a}" for a, b in gaps)
+            several = len(gaps) > 1 or gaps[0][0] < gaps[0][1]
+            told.append(f"{each.name} in {'frames' if several else 'frame'} {frames}")
     return told
 
 

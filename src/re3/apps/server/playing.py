@@ -132,6 +132,8 @@ class Player:
         except Exception as error:  # noqa: BLE001, the session has to go on
             await self._fail(video, error)
         self.playing = False
+        if not self._halt.is_set():
+            self.catch_up(video)
         await self._listener.stopped()
 
     async def _catch_up(self, video: TrackedVideo) -> None:
