@@ -153,6 +153,7 @@ ONE = "sources: [{path: few, kind: videos}]\n"
         ("sources: []", "no sources; expected a list"),
         ("[1, 2]", r"\[1, 2\]; expected keys"),
         ("sources: [", "is not well formed"),
+        pytest.param("sources: " + 20_000 * "[", "nested too deeply", id="nested"),
         ("sources: []\nsources: []", "'sources' comes twice in line 2"),
         (ONE + "simulatd: 0.5", "unknown key 'simulatd'; .* did you mean 'simulated'"),
         ("sources: [{path: few}]", r"sources\[0\]: no kind; expected path and kind"),

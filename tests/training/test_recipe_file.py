@@ -79,6 +79,7 @@ def test_fields_change_the_base(file, text, expected):
         ("- passes", "holds .*; expected fields of a recipe"),
         ("", "holds nothing; expected fields of a recipe"),
         ("passes: [", "cannot be read as YAML"),
+        pytest.param("passes: " + 20_000 * "[", "nested too deeply", id="nested"),
     ],
 )
 def test_what_does_not_fit_is_told_with_the_file(file, text, told):

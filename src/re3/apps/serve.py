@@ -77,6 +77,13 @@ def serve(
     except (ImportError, OSError, ValueError) as error:
         raise failed(error) from error
     stderr().print(f"re3 listens on {server.url} (Ctrl-C stops it)", markup=False)
+    if server.public_url is not None:
+        stderr().print(
+            f"warning: others reach it at {server.public_url}, by any network of this computer, "
+            "without a password and without encryption; --host 127.0.0.1 keeps them out",
+            markup=False,
+            soft_wrap=True,
+        )
     if open_page:
         open_browser(server.url)
     server.run()

@@ -329,5 +329,7 @@ def _load_yaml(path: Path) -> Any:
 
     try:
         return yaml.load(path.read_text(encoding="utf-8-sig"), Loader)  # a SafeLoader
+    except RecursionError as error:
+        raise ValueError(f"{path} is nested too deeply; expected a mix as YAML") from error
     except (yaml.YAMLError, ValueError) as error:
         raise ValueError(f"{path} is not well formed: {error}; expected YAML") from error

@@ -51,6 +51,8 @@ def read_recipe(path: str | Path) -> Recipe:
         raise FileNotFoundError(f"recipe {path} does not exist")
     try:
         values = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except RecursionError as error:
+        raise ValueError(f"{path} is nested too deeply; expected fields of a recipe") from error
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ValueError(f"{path} cannot be read as YAML: {error}") from error
     if not isinstance(values, dict):

@@ -70,7 +70,7 @@ def test_the_boxes_are_those_of_the_command_line(client, tmp_path):
         command_lines_boxes(tmp_path / f"b.{ending}", 16, person=PERSON, table=TABLE)
     exported = client.get(f"{at}/export/csv")
     assert exported.text == (tmp_path / "b.csv").read_text()
-    assert "a_person_at_a_table.csv" in exported.headers["content-disposition"]
+    assert "a_person_at_a_table-incomplete.csv" in exported.headers["content-disposition"]
     rows = list(csv.DictReader(io.StringIO(exported.text)))
     with zipfile.ZipFile(io.BytesIO(client.get(f"{at}/export/otb").content)) as packed:
         texts = {name.rsplit("-", 1)[1]: packed.read(name).decode() for name in packed.namelist()}
@@ -97,7 +97,6 @@ def test_an_uploaded_video_is_tracked_corrected_and_comes_back_annotated(client,
     client.post(f"{at}/track", json={"until": 8})
     assert client.post(f"{at}/seek", json={"frame": 4}).json()["position"] == 4
     assert client.patch(f"{at}/objects/1", json={"box_xywh": TABLE}).json()["given"] == [0, 4]
-    assert client.get(at).json()["tracked_until"] == 4
     assert client.post(f"{at}/seek", json={"frame": 9}).json()["tracked_until"] == 9
     video = tmp_path / "v.mp4"
     download = client.get(f"{at}/export/mp4")

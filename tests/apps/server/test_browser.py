@@ -5,19 +5,16 @@ import io
 import os
 import re
 import shutil
-import threading
 import time
 import urllib.request
-from contextlib import contextmanager
 
 import av
+import cv2
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from re3.apps.cli import app as command_line
-from re3.apps.server.application import create_app
-from re3.apps.server.limits import Limits
-from re3.apps.server.running import Server
 from re3.apps.server.samples import find_sample
 
 pytest.importorskip("playwright", reason="needs Playwright: pip install playwright")
@@ -66,23 +63,10 @@ def write_webcam(path):
             file.write(b"FRAME\n" + frame)
 
 
-@contextmanager
-def running_server():
-    server = Server(create_app(limits=Limits(sessions=20)), "127.0.0.1", 0)
-    thread = threading.Thread(target=server.run)
-    thread.start()
-    try:
-        yield server.url.rstrip("/")
-    finally:
-        server.stop()
-        thread.join(timeout=20)
-        assert not thread.is_alive()
-
-
 @pytest.fixture(scope="module")
-def base():
-    with running_server() as url:
-        yield url
+def base(running_server):
+    with running_server() as server:
+        yield server.url.rstrip("/")
 
 
 @pytest.fixture
@@ -200,8 +184,9 @@ def test_draw_track_correct_and_export(new_page, short_clip):
     until(page, f"re3.model.shown === {at}")
     x, y, w, h = page.evaluate("re3.model.box(1)")
     drag(page, (x + w / 2, y + h / 2, 20, 10))  # inside the selected box: moves it
-    until(page, f"re3.model.session.tracked_until === {at}")
-    corrected = boxes(page)[-1]["results"][0]["box_xywh"]
+    until(page, f"re3.model.object(1).given.includes({at})")
+    until(page, "re3.model.session.catching_up === 0")
+    corrected = boxes(page)[at]["results"][0]["box_xywh"]
     inside = (min(x + 20, 768 - w), min(y + 10, 432 - h), w, h)
     assert corrected == pytest.approx(inside, abs=2)
     assert corrected[2:] == pytest.approx([w, h], abs=0.01)  # boxes are drawn in 1/100 pixels
@@ -373,8 +358,265 @@ def test_a_file_chosen_before_the_server_has_answered_is_opened(new_page, tmp_pa
     expect(page.locator("#banner")).to_contain_text("not one that can be tracked in")
 
 
-def test_a_session_that_ends_and_a_server_that_stops_are_told_of(new_page):
-    with running_server() as url:
+def open_short(page, short_clip):
+    """The short clip, with the person tracked to its end."""
+    page.goto("/")
+    page.locator("#choose:enabled").wait_for()
+    page.locator("#file").set_input_files(short_clip)
+    wait_for_first_frame(page)
+    drag(page, PERSON)
+    until(page, "re3.model.objects.length === 1")
+    track_to_the_end(page)
+
+
+def go_to_the_first_frame(page):
+    page.locator("#chart").focus()
+    page.keyboard.press("Home")
+    until(page, "re3.model.shown === 0")
+    page.locator("#stage").focus()
+
+
+def known(page):
+    """Frames of the first object that the page knows."""
+    return page.evaluate(
+        "[...re3.model.frames].filter(([, f]) => f.results.some((r) => r.object === 1)).length"
+    )
+
+
+def status(page, path):
+    return page.evaluate(f"fetch('{path}').then((answer) => answer.status)")
+
+
+def test_an_early_change_is_tracked_again_and_can_be_undone(new_page, short_clip):
+    page = new_page()
+    open_short(page, short_clip)
+    before = boxes(page)
+    go_to_the_first_frame(page)
+    x, y, w, h = page.evaluate("re3.model.box(1)")
+    drag(page, (x + w / 2, y + h / 2, 5, 0))
+    until(page, "re3.model.session.undo === 'box of object 1'")
+    until(page, "re3.model.session.catching_up === 0")
+    assert page.evaluate("re3.model.shown") == 0
+    assert known(page) == LAST + 1
+    after = boxes(page)
+    assert len(after) == LAST + 1
+    assert after[5] != before[5]
+    page.keyboard.press("Control+z")
+    until(page, "re3.model.session.redo === 'box of object 1'")
+    assert boxes(page) == before
+    until(page, f"re3.model.box(1)[0] === {before[0]['results'][0]['box_xywh'][0]}")
+    page.keyboard.press("Control+Shift+z")
+    until(page, "re3.model.session.redo === null")
+    assert boxes(page) == after
+    page.get_by_role("button", name="Undo").click()
+    until(page, "re3.model.session.redo !== null")
+    page.keyboard.press("Control+y")
+    until(page, "re3.model.session.redo === null")
+    assert known(page) == LAST + 1
+
+    page.on("dialog", lambda dialog: dialog.accept())
+    page.keyboard.press("Backspace")
+    until(page, "re3.model.objects.length === 0")
+    assert known(page) == 0
+    page.keyboard.press("Control+z")
+    until(page, "re3.model.objects.length === 1 && re3.model.box(1) !== null")
+    until(page, "re3.model.frames.get(20).results.length === 1")
+    assert known(page) == LAST + 1
+
+
+def test_what_is_not_tracked_is_told_and_a_video_is_written(new_page, short_clip):
+    page = new_page()
+    open_short(page, short_clip)
+    expect(page.locator("#untracked")).to_be_hidden()
+    go_to_the_first_frame(page)
+    page.evaluate("fetch(`/api/sessions/${re3.id}/objects/1`, {method: 'DELETE'})")
+    until(page, "re3.model.objects.length === 0")
+    drag(page, PERSON)
+    until(page, "re3.model.objects.length === 1")
+    expect(page.locator("#untracked-text")).to_have_text(
+        f"Not tracked: object 2 in frames 1 to {LAST}."
+    )
+    with page.expect_download() as download:
+        page.get_by_role("link", name="CSV").click()
+    assert download.value.suggested_filename == "short-incomplete.csv"
+    expect(page.locator("#hint")).to_contain_text("The file is not complete")
+    page.get_by_role("button", name="Track the rest").click()
+    expect(page.locator("#hint")).to_contain_text("The end of the video")
+    expect(page.locator("#untracked")).to_be_hidden()
+    with page.expect_download() as download:
+        page.get_by_role("link", name="MP4").click()
+        expect(page.locator("#writing-text")).to_contain_text("Writing the video")
+    assert download.value.suggested_filename == "short.mp4"
+    with av.open(str(download.value.path())) as container:
+        assert sum(1 for _ in container.decode(video=0)) == LAST + 1
+    expect(page.locator("#writing")).to_be_hidden()
+    page.get_by_role("link", name="MP4").click()
+    page.locator("#writing-cancel").click()
+    expect(page.locator("#writing")).to_be_hidden()
+    expect(page.locator("#banner")).to_be_hidden()
+    page.wait_for_timeout(500)
+    with page.expect_download():
+        page.get_by_role("link", name="JSON", exact=True).click()
+
+
+def test_an_upload_shows_how_far_it_is_and_can_be_cancelled(new_page, tmp_path):
+    page = new_page()
+    page.goto("/")
+    page.locator("#choose:enabled").wait_for()
+    network = page.context.new_cdp_session(page)
+    slow = {"offline": False, "latency": 0, "downloadThroughput": -1, "uploadThroughput": 400_000}
+    network.send("Network.enable")
+    network.send("Network.emulateNetworkConditions", slow)
+    (tmp_path / "large.mp4").write_bytes(CLIP.read_bytes() + bytes(3_000_000))
+    with page.expect_response(lambda answer: answer.url.endswith("/api/sessions")) as made:
+        page.locator("#file").set_input_files(tmp_path / "large.mp4")
+    session = made.value.json()["id"]
+    expect(page.locator("#busy-text")).to_have_text(
+        re.compile(r"Uploading large\.mp4: [1-9]\d? % of \d\.\d MB")
+    )
+    assert 0 < page.evaluate("document.getElementById('busy-bar').value") < 1
+    page.locator("#busy-cancel").click()
+    expect(page.locator("#busy")).to_be_hidden()
+    expect(page.locator("#banner")).to_be_hidden()
+    assert status(page, f"/api/sessions/{session}") == 404
+    page.get_by_role("button", name="Try the sample clip").click()
+    wait_for_first_frame(page)
+
+
+def test_small_objects_are_drawn_zoomed_in(new_page):
+    page = new_page()
+    open_sample(page)
+    area = page.locator("#stage").bounding_box()
+    k = area["width"] / 768
+    page.mouse.move(area["x"] + 400 * k, area["y"] + 100 * k)
+    while page.evaluate("re3.stage.zoom") < 5:
+        page.mouse.wheel(0, -120)
+        page.wait_for_timeout(20)
+    zoom, (left, top) = page.evaluate("[re3.stage.zoom, re3.stage.corner]")
+    # The point under the pointer has stayed.
+    assert left + 400 / zoom == pytest.approx(400, abs=1)
+    assert top + 100 / zoom == pytest.approx(100, abs=1)
+    drag(page, ((398 - left) * zoom, (98 - top) * zoom, 6 * zoom, 5 * zoom))
+    until(page, "re3.model.box(1) !== null")
+    assert page.evaluate("re3.model.box(1)") == pytest.approx((398, 98, 6, 5), abs=0.3)
+    page.mouse.down(button="middle")
+    page.mouse.move(area["x"] + 300 * k, area["y"] + 50 * k)
+    page.mouse.up(button="middle")
+    assert page.evaluate("re3.stage.corner[0]") > left
+    page.locator("#stage").focus()
+    page.keyboard.press("0")
+    expect(page.locator("#zoom-fit")).to_have_text("100 %")
+    page.get_by_role("button", name="Zoom in").click()
+    expect(page.locator("#zoom-fit")).to_have_text("150 %")
+    x, y = page.evaluate("[0, 1].map((i) => re3.stage.corner[i] + re3.stage.size[i] / 3)")
+    assert (x, y) == pytest.approx((401, 144), abs=1)  # the box in the middle, as far as it can be
+    page.keyboard.press("-")
+    assert page.evaluate("[re3.stage.zoom, ...re3.stage.corner]") == [1, 0, 0]
+
+
+def test_large_frames_are_shown_in_all_their_pixels_when_zoomed(new_page, tmp_path):
+    image = np.random.default_rng(0).integers(0, 255, (1080, 1920, 3), np.uint8)
+    cv2.imwrite(str(tmp_path / "large.png"), image)
+    page = new_page()
+    page.goto("/")
+    page.locator("#choose:enabled").wait_for()
+    page.locator("#file").set_input_files(tmp_path / "large.png")
+    until(page, "re3.stage.picture.width === 1280")
+    page.locator("#stage").focus()
+    page.keyboard.press("+")
+    until(page, "re3.stage.picture.width === 1920")
+
+
+def test_dragging_in_the_chart_looks_through_the_video(new_page, short_clip):
+    page = new_page()
+    page.goto("/")
+    page.locator("#choose:enabled").wait_for()
+    page.locator("#file").set_input_files(short_clip)
+    wait_for_first_frame(page)
+    drag(page, PERSON)
+    until(page, "re3.model.objects.length === 1")
+    area = page.locator("#chart").bounding_box()
+    seen = set()
+    page.mouse.move(area["x"] + 10, area["y"] + 20)
+    page.mouse.down()
+    for step in range(1, 20):
+        page.mouse.move(area["x"] + 10 + step * area["width"] / 25, area["y"] + 20)
+        page.wait_for_timeout(60)
+        seen.add(page.evaluate("re3.model.shown"))
+    page.mouse.up()
+    until(page, "re3.looking === null && re3.model.shown > 20")
+    assert len(seen) > 4
+    assert page.evaluate("re3.model.session.tracked_until") == 0
+    expect(page.locator("#hint")).to_contain_text("Not tracked up to here.")
+    expect(page.locator(".object .status")).to_have_text("not tracked yet")
+    page.locator("#speed").select_option("0")
+    page.locator("#stage").focus()
+    page.keyboard.press("Space")
+    until(page, f"re3.model.shown === {LAST}")
+    assert len(boxes(page)) == LAST + 1
+
+
+def test_messages_do_not_move_the_video_and_fingers_find_the_buttons(new_page):
+    for options in ({}, {"width": 390, "height": 844, "has_touch": True, "is_mobile": True}):
+        page = new_page(**options)
+        open_sample(page)
+        drag(page, PERSON)
+        until(page, "re3.model.objects.length === 1")
+        place = page.locator("#stage").bounding_box()
+        page.evaluate("re3.banner('what is wrong, and what to do about it; '.repeat(8), 'Do it')")
+        expect(page.locator("#banner")).to_contain_text("What is wrong")
+        assert page.locator("#stage").bounding_box() == place
+        page.get_by_role("button", name="Close this message").click()
+        expect(page.locator("#banner")).to_be_hidden()
+    small = page.evaluate(
+        """[...document.querySelectorAll("button, select, summary, a, input")]
+          .filter((each) => each.offsetParent && Math.min(each.offsetWidth, each.offsetHeight) < 44)
+          .map((each) => `${each.id} ${each.textContent}`)"""
+    )
+    assert small == []
+
+
+def test_two_fingers_zoom_and_draw_nothing(new_page):
+    page = new_page(390, 844, has_touch=True, is_mobile=True)
+    open_sample(page)
+    area = page.locator("#stage").bounding_box()
+    touch = page.context.new_cdp_session(page)
+    middle = (area["x"] + area["width"] / 2, area["y"] + area["height"] / 2)
+    for step, kind in enumerate(("touchStart", *["touchMove"] * 5)):
+        points = [
+            {"x": middle[0] + side * (20 + 15 * step), "y": middle[1], "id": number}
+            for number, side in enumerate((-1, 1))
+        ]
+        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+    touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    assert page.evaluate("re3.stage.zoom") > 2
+    assert page.evaluate("re3.stage.corner[0] + re3.stage.size[0] / re3.stage.zoom / 2") == (
+        pytest.approx(384, abs=40)
+    )
+    assert page.evaluate("re3.model.objects.length") == 0
+
+
+def test_another_video_frees_the_session(new_page):
+    page = new_page()
+    open_sample(page)
+    drag(page, PERSON)
+    until(page, "re3.model.objects.length === 1")
+    session = page.evaluate("re3.id")
+    asked = []
+    page.once("dialog", lambda dialog: (asked.append(dialog.message), dialog.dismiss()))
+    page.get_by_role("button", name="Another video").click()
+    assert "Its boxes are forgotten" in asked[0]
+    assert status(page, f"/api/sessions/{session}") == 200
+    page.once("dialog", lambda dialog: dialog.accept())
+    page.get_by_role("button", name="Another video").click()
+    page.get_by_role("button", name="Try the sample clip").wait_for()
+    assert status(page, f"/api/sessions/{session}") == 404
+    expect(page.locator("#banner")).to_be_hidden()
+
+
+def test_a_session_that_ends_and_a_server_that_stops_are_told_of(new_page, running_server):
+    with running_server() as server:
+        url = server.url.rstrip("/")
         page = new_page(at=url)
         open_sample(page)
         session = page.evaluate("re3.id")

@@ -15,6 +15,7 @@ import pytest
 from typer.testing import CliRunner
 
 from re3.apps.cli import app
+from re3.apps.server import running
 from re3.apps.server.limits import Limits
 from re3.apps.server.samples import find_sample
 
@@ -89,6 +90,41 @@ def test_every_limit_has_an_option_in_the_help():
         assert option in text
     assert "3840x2160" in text
     assert Limits().upload_mb == 500
+
+
+@pytest.mark.parametrize(
+    ("host", "public"),
+    [
+        ("127.0.0.1", None),
+        ("127.0.0.2", None),
+        ("localhost", None),
+        ("0.0.0.0", "http://{own}:{port}/"),
+        ("", "http://{own}:{port}/"),
+    ],
+)
+def test_the_address_that_others_reach(monkeypatch, host, public):
+    monkeypatch.setattr(running, "_own_address", lambda: "192.168.7.7")
+    server = running.Server(None, host, 0)
+    port = server.url.rstrip("/").rsplit(":", 1)[1]
+    expected = public and public.format(own="192.168.7.7", port=port)
+    assert server.public_url == expected
+    shown = host if public is None else "127.0.0.1"
+    assert server.url == f"http://{shown}:{port}/"
+    server._socket.close()
+
+
+def test_a_public_server_warns_and_says_how_others_reach_it():
+    process = start("serve", "--host", "0.0.0.0", "--port", "0")
+    try:
+        port = address(process).rstrip("/").rsplit(":", 1)[1]
+        line = process.stderr.readline()
+    finally:
+        process.kill()
+        process.communicate()
+    own = running._own_address()
+    assert f"warning: others reach it at http://{own}:{port}/" in line
+    assert "without a password" in line
+    assert own not in ("127.0.0.1", "0.0.0.0", "")
 
 
 def test_a_port_in_use_and_other_mistakes_are_told():

@@ -31,12 +31,17 @@ async function detail(answer) {
   return told.detail ?? `The server answered ${answer.status}.`;
 }
 
-/** Upload a file as the body of a request, telling of progress from 0 to 1. */
-export function upload(path, file, onProgress) {
+/** The message of what was cancelled; nobody need be told of it. */
+export const CANCELLED = "Cancelled.";
+
+/** Upload a file as the body of a request, telling of progress from 0 to 1; `signal` cancels it. */
+export function upload(path, file, onProgress, signal) {
   return new Promise((resolve, reject) => {
     const sending = new XMLHttpRequest(); // fetch does not tell how far an upload is
     sending.open("PUT", path);
     sending.upload.onprogress = (event) => onProgress(event.loaded / Math.max(1, event.total));
+    sending.onabort = () => reject(new ServerError(CANCELLED, 0));
+    signal.addEventListener("abort", () => sending.abort());
     sending.onerror = () => reject(new ServerError(
       "The upload broke off: the server refused it or has stopped. Is the file too large?", 0));
     sending.onload = () => {
@@ -49,6 +54,22 @@ export function upload(path, file, onProgress) {
     };
     sending.send(file);
   });
+}
+
+/** Download what takes a while to make; [its name, its content]. Aborting the signal cancels it. */
+export async function download(path, signal) {
+  let answer;
+  try {
+    answer = await fetch(path, { signal });
+    if (!answer.ok) throw new ServerError(await detail(answer), answer.status);
+    const said = answer.headers.get("Content-Disposition") ?? "";
+    const [, starred] = said.match(/filename\*=utf-8''([^;]+)/i) ?? [];
+    const [, plain] = said.match(/filename="([^"]+)"/) ?? [];
+    return [starred ? decodeURIComponent(starred) : plain ?? "download", await answer.blob()];
+  } catch (error) {
+    if (error instanceof ServerError) throw error;
+    throw new ServerError(signal.aborted ? CANCELLED : NO_ANSWER, 0);
+  }
 }
 
 const RETRY_MS = 1500;

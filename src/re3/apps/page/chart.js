@@ -1,27 +1,35 @@
-// The scores over time, a line an object, a dot where it was drawn; click or arrow keys go to a frame.
+// The scores over time, a line an object, a dot where it was drawn; click or arrow keys go to a frame,
+// dragging looks through the video.
 
 const PAD = 6;
+const STILL = 4; // CSS pixels that a click may move
 
 export class Chart {
-  constructor(canvas, model, seek) {
+  /** `seek(frame)` goes to a frame, tracking on the way; `look(frame)` only shows it. */
+  constructor(canvas, model, seek, look) {
     this.canvas = canvas;
     this.model = model;
     this.wanted = false;
-    let dragging = false;
-    const go = (event) => seek(this.frameAt(event));
+    let from = null; // where a pointer went down
+    let scrubbing = false;
     canvas.addEventListener("pointerdown", (event) => {
-      dragging = true;
+      if (!event.isPrimary || event.button !== 0) return;
+      [from, scrubbing] = [event.clientX, false];
       canvas.setPointerCapture(event.pointerId);
-      go(event);
     });
     canvas.addEventListener("pointermove", (event) => {
+      if (from !== null && Math.abs(event.clientX - from) > STILL) scrubbing = true;
+      if (scrubbing) look(this.frameAt(event));
       const frame = this.frameAt(event);
       const { fps } = this.model.session;
       canvas.title = this.model.live ? `Frame ${frame}` : `Frame ${frame}, ${(frame / fps).toFixed(1)} s`;
     });
     canvas.addEventListener("pointerup", (event) => {
-      if (dragging && this.frameAt(event) !== this.model.position) go(event);
-      dragging = false;
+      if (from !== null && !scrubbing) seek(this.frameAt(event));
+      [from, scrubbing] = [null, false];
+    });
+    canvas.addEventListener("pointercancel", () => {
+      [from, scrubbing] = [null, false];
     });
     canvas.addEventListener("keydown", (event) => {
       const last = this.length - 1;

@@ -24,6 +24,9 @@ export function hint({ model, camera, connected, stage, playLabel }) {
     const known = !camera && model.position < session.tracked_until;
     return `${known ? "Playing" : "Tracking"}. ${press("Pause")} to pause.`;
   }
+  if (model.unknown.length && !camera) {
+    return `Not tracked up to here. ${press(playLabel)} to track, or draw a box.`;
+  }
   if (session.ended) {
     return model.anyLost ? "The end of the video. Lost where the chart is red: go there and redraw."
       : "The end of the video. Download the boxes, or go back and correct them.";

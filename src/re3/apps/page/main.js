@@ -10,6 +10,7 @@ const $ = (id) => document.getElementById(id);
 function banner(told, button = "", act = null) {
   const text = told.replace(/^[a-z]+(?=[ ,;])/, (word) => word[0].toUpperCase() + word.slice(1));
   $("banner").hidden = !text;
+  $("banner-close").onclick = () => banner("");
   if ($("banner-text").textContent !== text) $("banner-text").textContent = text;
   $("banner-button").hidden = !button;
   $("banner-button").textContent = button;
@@ -37,7 +38,7 @@ async function main() {
       : show(session, camera, work)),
     problem: banner,
   });
-  $("new").addEventListener("click", () => location.assign("/"));
+  $("new").addEventListener("click", () => work.end());
   const [, id] = location.pathname.match(/^\/s\/([^/]+)$/) ?? [];
   if (id) {
     try {

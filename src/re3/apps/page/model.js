@@ -31,15 +31,12 @@ export class Model {
     this.session = session;
     if (!session.ready) return;
     this.position = session.position;
-    const until = session.tracked_until ?? -1;
-    const start = session.start ?? Infinity;
-    for (const index of this.frames.keys()) {
-      if (index > until || index < start) this.frames.delete(index);
+    const known = new Map(this.objects.map((each) => [each.id, each.tracked]));
+    for (const [index, frame] of this.frames) {
+      frame.results = frame.results.filter((found) =>
+        known.get(found.object)?.some(([first, last]) => first <= index && index <= last));
     }
-    const ids = new Set(this.objects.map((each) => each.id));
-    for (const frame of this.frames.values()) {
-      frame.results = frame.results.filter((found) => ids.has(found.object));
-    }
+    const ids = new Set(known.keys());
     if (!ids.has(this.selected)) this.selected = null;
     if (!ids.has(this.redrawing)) this.redrawing = null;
   }
@@ -64,6 +61,17 @@ export class Model {
     return id === null ? null : this.result(id)?.box_xywh ?? null;
   }
 
+  /** Whether the object is followed in a frame: from a box drawn on, and until it is ended. */
+  follows(object, index = this.shown) {
+    const latest = (frames) => frames.filter((frame) => frame <= index).at(-1) ?? -1;
+    return latest(object.given) > latest(object.ends);
+  }
+
+  /** The objects that should be in the frame shown, but are not tracked up to it yet. */
+  get unknown() {
+    return this.objects.filter((each) => this.follows(each) && !this.result(each.id));
+  }
+
   /** Frames in which the object was found, or looked for. */
   count(id) {
     return [...this.frames.values()].filter((frame) =>
@@ -78,8 +86,9 @@ export class Model {
 
   /** [index, result or null] of an object, in order. */
   *history(id) {
-    const until = this.session?.tracked_until ?? this.position;
-    for (let index = this.session?.start ?? 0; index <= Math.max(until, this.position); index++) {
+    const object = this.object(id);
+    const until = Math.max(this.position, object.tracked.at(-1)?.[1] ?? 0);
+    for (let index = object.first; index <= until; index++) {
       yield [index, this.result(id, index)];
     }
   }

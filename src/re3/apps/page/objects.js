@@ -48,7 +48,8 @@ export class ObjectList {
   status(object, found) {
     const { shown } = this.model;
     if (object.given.includes(shown)) return "drawn here";
-    if (!found) return shown < object.first ? `from frame ${object.first} on` : "ended";
+    if (!found && shown < object.first) return `from frame ${object.first} on`;
+    if (!found) return this.model.follows(object) ? "not tracked yet" : "ended";
     return found.score === null ? found.status : `${found.score.toFixed(2)} ${found.status}`;
   }
 
@@ -64,7 +65,8 @@ export class ObjectList {
     const keys = make("div", { className: "object-buttons" });
     const buttons = [
       ["Redraw", "Draw its box anew in this frame", () => this.on.redraw(id)],
-      ["End here", "Keep its boxes before this frame, and follow it no further", () => this.on.end(id)],
+      ["End here", "Keep its boxes before this frame; from here on it is not followed, until a box that is drawn later",
+        () => this.on.end(id)],
       ["Remove", "Forget it and all its boxes", () => this.on.remove(id)],
     ].map(([verb, title, act]) => {
       const button = make("button", { type: "button", textContent: verb, title });

@@ -1,18 +1,20 @@
 // The picture with its boxes: drawing them, and drawing new ones by mouse, finger or keyboard.
 
-import { HANDLES, between, contains, handleAt, handlePoint, largeEnough, moved, resized }
+import { HANDLES, between, clamp, contains, handleAt, handlePoint, largeEnough, moved, resized }
   from "./boxes.js";
+import { Fingers, View } from "./view.js";
 
 const TRAIL = 40; // frames
 const ROOM = 40; // CSS pixels of a side with a handle in its middle; shorter ones have corners only
 const NAME_LENGTH = 28;
-const REACH = { mouse: 8, touch: 18, pen: 10 }; // CSS pixels
+const REACH = { mouse: 8, touch: 22, pen: 10 }; // CSS pixels
 const CURSORS = { nw: "nwse-resize", se: "nwse-resize", ne: "nesw-resize", sw: "nesw-resize",
   n: "ns-resize", s: "ns-resize", e: "ew-resize", w: "ew-resize" };
 
 /**
  * `on.hold()` before a box is begun; `on.drawn(box)` a new one; `on.changed(id, box)` one of an
- * object; `on.select(id)`; `on.draft()` where one made with the keyboard changes; `on.say(text)`.
+ * object; `on.select(id)`; `on.draft()` where one made with the keyboard changes; `on.say(text)`;
+ * `on.zoomed()` where another part of the frame is shown.
  */
 export class Stage {
   constructor(element, model, on) {
@@ -23,21 +25,28 @@ export class Stage {
     this.overlay = element.querySelector("#overlay");
     this.drag = null; // a pointer at work
     this.draft = null; // {box, id}: a box being made with the keyboard; id of the object changed
-    this.size = [16, 9];
+    this.view = new View();
+    this.fingers = new Fingers();
+    this.panning = null; // where the picture is held
     element.addEventListener("pointerdown", (event) => this.down(event));
     element.addEventListener("pointermove", (event) => this.move(event));
     element.addEventListener("pointerup", (event) => this.up(event));
-    element.addEventListener("pointercancel", () => this.cancel());
-    new ResizeObserver(() => this.draw()).observe(element);
+    element.addEventListener("pointercancel", (event) => {
+      this.fingers.lift(event);
+      this.panning = null;
+      this.cancel();
+    });
+    element.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
+    new ResizeObserver(() => this.place()).observe(element);
   }
 
   /** Width and height of the video, in whose pixels boxes are. */
   setSize(width, height) {
     if (width === this.size[0] && height === this.size[1]) return;
-    this.size = [width, height];
+    this.view.size = [width, height];
     this.element.style.aspectRatio = `${width} / ${height}`;
     this.element.style.maxWidth = `calc(min(62vh, 46rem) * ${width / height})`;
-    this.draw();
+    this.fit();
   }
 
   show(image) {
@@ -54,12 +63,69 @@ export class Stage {
 
   point(event) {
     const area = this.element.getBoundingClientRect();
-    return [(event.clientX - area.left) / area.width * this.size[0],
-      (event.clientY - area.top) / area.height * this.size[1]];
+    return [this.corner[0] + (event.clientX - area.left) * this.scale,
+      this.corner[1] + (event.clientY - area.top) * this.scale];
+  }
+
+  get size() {
+    return this.view.size;
+  }
+
+  get zoom() {
+    return this.view.zoom;
+  }
+
+  get corner() {
+    return this.view.corner;
   }
 
   get scale() { // video pixels per CSS pixel
-    return this.size[0] / Math.max(1, this.element.clientWidth);
+    return this.size[0] / Math.max(1, this.element.clientWidth) / this.zoom;
+  }
+
+  // Zoom
+
+  fit() {
+    this.view.fit();
+    this.place();
+  }
+
+  /** Zoom by a factor about a point that stays, or else to the selected box or the middle. */
+  zoomBy(factor, about = null) {
+    const box = this.draft?.box ?? this.model.box(this.model.selected);
+    if (about) this.view.zoomAt(factor, about);
+    else this.view.zoomTo(factor, box ? handlePoint(box, "") : this.view.middle);
+    this.place();
+  }
+
+  pan(dx, dy) {
+    this.view.moveBy(dx, dy);
+    this.place();
+  }
+
+  /** Lay the picture where its part is. */
+  place() {
+    const [x, y] = this.corner.map((v) => -v / this.scale);
+    this.picture.style.transform = `translate(${x}px, ${y}px) scale(${this.zoom})`;
+    this.picture.style.imageRendering = this.zoom > 4 ? "pixelated" : "";
+    this.draw();
+    this.on.zoomed();
+  }
+
+  wheel(event) {
+    const out = event.deltaY > 0;
+    if (this.zoom === 1 && out && !event.ctrlKey) return; // the page scrolls
+    event.preventDefault();
+    if (event.shiftKey || Math.abs(event.deltaX) > Math.abs(event.deltaY)) {
+      this.pan((event.deltaX || event.deltaY) * this.scale, 0);
+    } else this.zoomBy(Math.exp(clamp(-event.deltaY, -120, 120) / 300), this.point(event));
+  }
+
+  /** Two fingers move and zoom the picture. */
+  pinch(event) {
+    const { factor, from, to } = this.fingers.move(event);
+    this.zoomBy(factor, this.point({ clientX: to[0], clientY: to[1] }));
+    this.pan((from[0] - to[0]) * this.scale, (from[1] - to[1]) * this.scale);
   }
 
   /** What a pointer there would do: {kind: "resize" | "move" | "draw", ...}. */
@@ -74,6 +140,15 @@ export class Stage {
   }
 
   down(event) {
+    this.fingers.put(event);
+    if (this.fingers.several) this.cancel(); // no box, but a zoom
+    if (event.button === 1) {
+      event.preventDefault();
+      this.element.setPointerCapture(event.pointerId);
+      this.panning = [event.clientX, event.clientY];
+      return;
+    }
+    if (this.fingers.several) return;
     if (!event.isPrimary || event.button !== 0 || !this.model.ready) return;
     this.element.focus({ preventScroll: true });
     this.element.setPointerCapture(event.pointerId);
@@ -84,6 +159,16 @@ export class Stage {
   }
 
   move(event) {
+    if (this.fingers.several) {
+      this.pinch(event);
+      return;
+    }
+    if (this.panning) {
+      const [x, y] = this.panning;
+      this.panning = [event.clientX, event.clientY];
+      this.pan((x - event.clientX) * this.scale, (y - event.clientY) * this.scale);
+      return;
+    }
     const point = this.point(event);
     if (!this.drag) {
       const aim = this.model.ready ? this.aim(point, event.pointerType) : { kind: "none" };
@@ -103,8 +188,11 @@ export class Stage {
   }
 
   up(event) {
-    const drag = this.drag;
-    if (!drag) return;
+    const { drag } = this;
+    const { several } = this.fingers;
+    this.fingers.lift(event);
+    this.panning = null;
+    if (!drag || several) return;
     this.move(event);
     this.drag = null;
     if (drag.kind === "draw" && drag.now && largeEnough(drag.now)) this.finish(drag.now, null);
@@ -154,7 +242,7 @@ export class Stage {
     if (!this.draft) return false;
     const by = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
     if (by) {
-      const step = event.altKey ? 1 : Math.max(2, this.size[0] / 80);
+      const step = event.altKey ? 1 : Math.max(1, this.size[0] / 80 / this.zoom);
       const [dx, dy] = by.map((sign) => sign * step);
       this.draft.box = event.shiftKey ? resized(this.draft.box, "se", dx, dy, this.size)
         : moved(this.draft.box, dx, dy, this.size);
@@ -184,7 +272,7 @@ export class Stage {
     canvas.height = Math.round(height * ratio);
     const pen = canvas.getContext("2d");
     pen.scale(ratio, ratio);
-    const k = width / this.size[0];
+    const k = width / this.size[0] * this.zoom; // CSS pixels per pixel of the video
     const changing = this.drag?.now ? this.drag.id : this.draft?.id;
     for (const found of this.model.results()) {
       const { colour } = this.model.object(found.object) ?? {};
@@ -192,14 +280,18 @@ export class Stage {
       this.drawTrail(pen, found.object, colour, k);
       if (found.object === changing) continue;
       const selected = found.object === this.model.selected;
-      this.drawBox(pen, found.box_xywh.map((v) => v * k), colour, found.status, selected);
+      this.drawBox(pen, this.onScreen(found.box_xywh, k), colour, found.status, selected);
       this.drawLabel(pen, found, colour, k, width);
     }
     const now = this.drag?.now ?? this.draft?.box;
     if (now) {
       const owner = this.model.object(changing ?? this.model.redrawing);
-      this.drawBox(pen, now.map((v) => v * k), owner?.colour ?? "#ffffff", "tracked", true);
+      this.drawBox(pen, this.onScreen(now, k), owner?.colour ?? "#ffffff", "tracked", true);
     }
+  }
+
+  onScreen([x, y, w, h], k) {
+    return [(x - this.corner[0]) * k, (y - this.corner[1]) * k, w * k, h * k];
   }
 
   drawTrail(pen, id, colour, k) {
@@ -211,8 +303,7 @@ export class Stage {
     for (let index = last - TRAIL; index <= last; index++) {
       const found = this.model.results(index).find((each) => each.object === id);
       const centre = found && found.status !== "lost"
-        ? [(found.box_xywh[0] + found.box_xywh[2] / 2) * k, (found.box_xywh[1] + found.box_xywh[3] / 2) * k]
-        : null;
+        ? handlePoint(this.onScreen(found.box_xywh, k), "") : null;
       if (before && centre) {
         pen.globalAlpha = 0.15 + 0.65 * (index - last + TRAIL) / TRAIL;
         pen.beginPath();
@@ -266,9 +357,12 @@ export class Stage {
     const text = `${name}${score}${found.status === "tracked" ? "" : ` ${found.status}`}`;
     pen.font = "600 13px system-ui, sans-serif";
     const plate = Math.min(pen.measureText(text).width + 10, width);
-    const [x, y, , h] = found.box_xywh.map((v) => v * k);
+    const [x, y, w, h] = this.onScreen(found.box_xywh, k);
+    if (x + w < 0 || y + h < 0 || x > width || y > this.element.clientHeight) return;
     const left = Math.min(Math.max(0, x - 1), width - plate);
-    const top = y - 22 >= 0 ? y - 22 : Math.max(0, Math.min(y + h + 2, this.element.clientHeight - 20));
+    const below = Math.max(0, Math.min(y + h + 2, this.element.clientHeight - 20));
+    // Of a box larger than what is shown the label is in its corner.
+    const top = y - 22 >= 0 ? y - 22 : this.zoom > 1 && below < y + h ? Math.max(0, y) : below;
     pen.fillStyle = found.status === "lost" ? "#b4b4b4" : colour;
     pen.fillRect(left, top, plate, 20);
     pen.fillStyle = dark(pen.fillStyle) ? "#ffffff" : "#141414";

@@ -1,6 +1,6 @@
 // The first screen: sample clip, a file, the webcam.
 
-import { request, upload } from "./api.js";
+import { CANCELLED, request, upload } from "./api.js";
 import { openCamera } from "./camera.js";
 
 const $ = (id) => document.getElementById(id);
@@ -16,6 +16,7 @@ export class StartScreen {
       + `${limits.width} × ${limits.height} pixels.`;
     $("sample").hidden = !samples.length;
     if (samples.length) $("credit").textContent = `Sample clip: ${samples[0].credit}.`;
+    $("busy-cancel").addEventListener("click", () => this.cancelling?.abort());
     $("sample").addEventListener("click", () => this.fromSample(samples[0].name));
     $("choose").addEventListener("click", () => $("file").click());
     $("file").addEventListener("change", () => this.fromFile($("file").files[0]));
@@ -53,13 +54,20 @@ export class StartScreen {
           + "--max-upload.");
       }
       const session = await request("POST", "/api/sessions", { source: "upload", name: file.name });
-      return upload(`/api/sessions/${session.id}/video`, file, (part) => {
-        $("busy-bar").value = part;
-        if (part === 1) {
-          $("busy-text").textContent = "Opening the video …";
-          $("busy-bar").removeAttribute("value");
-        }
-      });
+      const at = `/api/sessions/${session.id}`;
+      const { signal } = this.cancelling;
+      try {
+        return await upload(`${at}/video`, file, (part) => {
+          $("busy-text").textContent = part === 1 ? "Opening the video …"
+            : `Uploading ${file.name}: ${Math.floor(100 * part)} % of ${megabytes(file.size)}`;
+          if (part === 1) $("busy-bar").removeAttribute("value");
+          else $("busy-bar").value = part;
+        }, signal);
+      } catch (error) {
+        // What is half there makes room at once.
+        if (signal.aborted) await request("DELETE", at).catch(() => {});
+        throw error;
+      }
     });
   }
 
@@ -79,22 +87,27 @@ export class StartScreen {
   async work(text, make, camera = () => null) {
     if (this.busy) return;
     this.busy = true;
-    this.on.problem($("start").hidden ? text : "");
+    this.cancelling = new AbortController();
+    this.on.problem("");
     $("busy-text").textContent = text;
     $("busy-bar").removeAttribute("value");
     $("busy").hidden = false;
-    $("or-drop").hidden = true;
+    $("busy-cancel").hidden = !text.startsWith("Uploading");
     try {
       this.on.begin(await make(), camera());
     } catch (error) {
-      this.on.problem(error.message);
+      if (error.message !== CANCELLED) this.on.problem(error.message);
     } finally {
       this.busy = false;
+      this.cancelling = null;
       $("file").value = "";
       $("busy").hidden = true;
-      $("or-drop").hidden = false;
     }
   }
+}
+
+function megabytes(size) {
+  return `${(size / 1e6).toFixed(size < 1e7 ? 1 : 0)} MB`;
 }
 
 function minutes(seconds) {

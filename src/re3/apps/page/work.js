@@ -2,6 +2,7 @@
 
 import { Stream, request } from "./api.js";
 import { Chart } from "./chart.js";
+import { Downloads } from "./downloads.js";
 import { hint } from "./hints.js";
 import { Model } from "./model.js";
 import { ObjectList } from "./objects.js";
@@ -15,15 +16,6 @@ const WHY_GONE = {
   unknown: "This session has ended, or the server was started anew.",
   refused: "This session has ended: its video could not be used.",
 };
-const IN_FILE = {
-  csv: "A table: frame, time, object, x, y, width, height in pixels, score, status",
-  json: "What the table holds, for programs",
-  otb: "x,y,width,height a line for each frame; a file for each object, in a ZIP",
-  mot: "frame,object,x,y,width,height,score a line, counted from 1",
-  coco: "images, annotations and categories, as COCO has them",
-  mp4: "The video with boxes and names drawn in",
-};
-
 export class WorkScreen {
   /** `banner(text, button, act)` tells of trouble. */
   constructor(about, banner) {
@@ -37,6 +29,7 @@ export class WorkScreen {
     this.connected = true;
     this.said = "";
     this.turn = this.lastTurn = 0; // of pictures: decoding may change their order
+    this.looking = this.lookNext = null; // frames looked at while the chart is dragged
     this.stage = new Stage($("stage"), model, {
       hold: () => this.hold(),
       release: () => this.release(),
@@ -48,8 +41,10 @@ export class WorkScreen {
         this.updateHint();
       },
       say: (text) => this.say(text),
+      zoomed: () => this.zoomed(),
     });
-    this.chart = new Chart($("chart"), model, (frame) => this.command({ do: "seek", frame }));
+    this.chart = new Chart($("chart"), model, (frame) => this.command({ do: "seek", frame }),
+      (frame) => this.look(frame));
     this.list = new ObjectList($("objects"), $("no-objects"), model, {
       rename: (id, name) => this.change(id, { name }),
       recolour: (id, colour) => this.change(id, { colour }),
@@ -57,6 +52,10 @@ export class WorkScreen {
       end: (id) => this.ask("POST", `/objects/${id}/end`),
       remove: (id) => this.remove(id),
       select: (id) => this.select(id),
+    });
+    this.downloads = new Downloads(about.exports, model, {
+      say: (text) => this.say(text),
+      problem: (text) => banner(text),
     });
     this.wire();
   }
@@ -68,25 +67,16 @@ export class WorkScreen {
     $("speed").addEventListener("change", () => this.model.session?.playing && this.play());
     // A click of the keyboard has no detail.
     $("add").addEventListener("click", (event) => (event.detail ? this.add() : this.stage.beginDraft()));
+    $("undo").addEventListener("click", () => this.command({ do: "undo" }));
+    $("redo").addEventListener("click", () => this.command({ do: "redo" }));
+    $("again-stop").addEventListener("click", () => this.command({ do: "pause" }));
+    $("track-rest").addEventListener("click", () => this.command({ do: "track" }));
+    $("zoom-in").addEventListener("click", () => this.stage.zoomBy(1.5));
+    $("zoom-out").addEventListener("click", () => this.stage.zoomBy(1 / 1.5));
+    $("zoom-fit").addEventListener("click", () => this.stage.fit());
     $("copy").addEventListener("click", () => this.copyLink());
     $("done").addEventListener("click", () => this.handOver());
     $("idle").textContent = this.about.limits.idle_minutes;
-    for (const { kind, title } of this.about.exports) {
-      const item = document.createElement("li");
-      const link = Object.assign(document.createElement("a"), { textContent: title, download: "" });
-      link.dataset.kind = kind;
-      link.title = IN_FILE[kind] ?? "";
-      link.addEventListener("click", (event) => {
-        if (this.model.objects.length) {
-          if (kind === "mp4") this.say("Writing the video. The download starts when it is done.");
-          return;
-        }
-        event.preventDefault();
-        this.say("Nothing is tracked yet. Draw a box first.");
-      });
-      item.append(link);
-      $("exports").append(item);
-    }
     document.addEventListener("keydown", (event) => this.key(event));
     // After a click with the mouse the keys are for the video again, not for the button clicked.
     $("work").addEventListener("click", (event) => {
@@ -99,9 +89,7 @@ export class WorkScreen {
     this.camera = camera;
     $("title").textContent = session.title;
     $("work").dataset.source = session.source;
-    for (const link of $("exports").querySelectorAll("a")) {
-      link.href = `/api/sessions/${session.id}/export/${link.dataset.kind}`;
-    }
+    this.downloads.open(session.id);
     this.stream = new Stream(session.id, {
       message: (head, picture) => this.message(head, picture),
       lost: () => {
@@ -134,6 +122,7 @@ export class WorkScreen {
       state: () => this.update(head.session),
       boxes: () => head.frames.forEach((frame) => this.model.setFrame(frame)),
       frame: () => this.frame(head, picture),
+      export: () => this.downloads.progress(head.done),
       dropped: () => this.camera?.answered(head.number),
       refused: () => {
         this.camera?.answered(head.number);
@@ -151,6 +140,7 @@ export class WorkScreen {
     const { model } = this;
     model.setFrame(head);
     model.position = head.index;
+    this.looked();
     const own = head.number === undefined ? null : this.camera?.answered(head.number);
     if (picture) {
       const turn = ++this.turn;
@@ -175,6 +165,8 @@ export class WorkScreen {
 
   shown(head) {
     this.model.shown = head.index;
+    this.sharp = false;
+    this.sharpen();
     this.times.push(performance.now());
     if (this.times.length > 20) this.times.shift();
     this.refresh(head);
@@ -183,6 +175,7 @@ export class WorkScreen {
   refresh(head) {
     this.stage.draw();
     this.list.updateScores();
+    $("play").textContent = this.playLabel;
     this.figures(head);
     this.updateHint();
   }
@@ -210,6 +203,19 @@ export class WorkScreen {
     this.updateHint();
   }
 
+  /** What is being tracked again, and what is not tracked at all. */
+  updateProgress() {
+    const { session } = this.model;
+    const left = session.catching_up ?? 0;
+    const text = left ? `Tracking again after a change: ${left} ${left > 1 ? "frames" : "frame"} to go.` : "";
+    if ($("again-text").textContent !== text) $("again-text").textContent = text;
+    $("again-stop").hidden = !left;
+    for (const [name, title] of [["undo", "Undo"], ["redo", "Redo"]]) {
+      $(name).disabled = !session.ready || !session[name];
+      $(name).title = session[name] ? `${title}: ${session[name]}` : title;
+    }
+  }
+
   gone(why) {
     this.stream.close();
     this.camera?.stop();
@@ -229,17 +235,14 @@ export class WorkScreen {
     $("back").disabled = !ready || model.position === 0 || !this.connected;
     $("forward").disabled = !ready || !this.connected;
     $("add").disabled = !ready;
+    this.updateProgress();
     const select = source === "select";
     $("select-box").hidden = !select;
     $("results-box").hidden = select;
     $("chart-box").hidden = select;
-    document.querySelector(".controls").hidden = select;
     $("done").disabled = !tracked || !ready;
     $("speed-label").hidden = Boolean(this.camera);
-    for (const link of $("exports").querySelectorAll("a")) {
-      link.toggleAttribute("aria-disabled", false);
-      if (!tracked) link.setAttribute("aria-disabled", "true");
-    }
+    this.downloads.update();
   }
 
   get running() {
@@ -251,7 +254,8 @@ export class WorkScreen {
     if (this.running) return "Pause";
     if (this.camera) return "Go on";
     if (session.ended) return "Play again";
-    return objects.length && position >= session.tracked_until ? "Track" : "Play";
+    const behind = position >= session.tracked_until || this.model.unknown.length > 0;
+    return objects.length && behind ? "Track" : "Play";
   }
 
   updateHint() {
@@ -299,6 +303,60 @@ export class WorkScreen {
     if (this.camera) this.camera.running = false;
     this.command({ do: "step", by });
     this.updateControls();
+  }
+
+  /** Show a frame without tracking: one request at a time, the newest wish next. */
+  look(frame) {
+    if (this.camera) this.camera.running = false;
+    this.lookNext = frame;
+    if (this.looking === null) this.lookOn();
+  }
+
+  lookOn() {
+    const frame = this.lookNext;
+    [this.looking, this.lookNext] = [null, null];
+    if (frame === null || frame === this.model.position) return;
+    this.looking = frame;
+    this.command({ do: "look", frame });
+  }
+
+  /** A frame came: the next one can be asked for. */
+  looked() {
+    if (this.looking !== null) this.lookOn();
+  }
+
+  zoomed() {
+    $("zoom-fit").textContent = `${Math.round(100 * this.stage.zoom)} %`;
+    this.sharpen();
+  }
+
+  /** Where it is zoomed in, the frame in all its pixels, once it stands still. */
+  sharpen() {
+    clearTimeout(this.sharpening);
+    const { model, stage } = this;
+    const small = stage.picture.width < stage.size[0];
+    if (stage.zoom === 1 || !small || this.sharp || !model.ready || model.session.playing) return;
+    this.sharpening = setTimeout(async () => {
+      const answer = await fetch(`/api/sessions/${this.id}/frame.jpg?whole=true`).catch(() => null);
+      if (!answer?.ok) return;
+      const image = await createImageBitmap(await answer.blob());
+      if (Number(answer.headers.get("Re3-Frame")) === model.shown) {
+        stage.show(image);
+        this.sharp = true;
+      }
+      image.close();
+    }, 250);
+  }
+
+  /** End the session, so that another has its place. */
+  async end() {
+    const { session, objects } = this.model;
+    if (session?.ready && objects.length
+      && !confirm("End this session? Its boxes are forgotten: download them first.")) return;
+    this.stream?.close();
+    this.camera?.stop();
+    await request("DELETE", `/api/sessions/${this.id}`).catch(() => {});
+    location.assign("/");
   }
 
   /** The picture stands still while a box is drawn. */
@@ -406,10 +464,22 @@ export class WorkScreen {
 
   // Keys
 
+  undoKey(event) {
+    const kind = undoKind(event);
+    if (!kind) return;
+    event.preventDefault();
+    if (this.stage.draft) this.stage.cancel();
+    else if (this.model.session[kind]) this.command({ do: kind });
+  }
+
   key(event) {
-    if (!this.stream || event.ctrlKey || event.metaKey) return;
+    if (!this.stream) return;
     const target = event.target;
     if (target.matches("input, select, textarea")) return;
+    if (event.ctrlKey || event.metaKey) {
+      this.undoKey(event);
+      return;
+    }
     if (this.stage.key(event)) {
       event.preventDefault();
       return;
@@ -429,6 +499,10 @@ export class WorkScreen {
       },
       Delete: () => !control && this.model.selected !== null
         && this.remove(this.model.selected),
+      "+": () => this.stage.zoomBy(1.5),
+      "=": () => this.stage.zoomBy(1.5),
+      "-": () => this.stage.zoomBy(1 / 1.5),
+      0: () => this.stage.fit(),
       Escape: () => {
         this.model.redrawing = null;
         this.stage.cancel();
@@ -436,8 +510,15 @@ export class WorkScreen {
         this.updateHint();
       },
     };
+    acts.Backspace = acts.Delete; // keyboards of laptops have no other
     if (acts[event.key] && acts[event.key]() !== false) event.preventDefault();
   }
+}
+
+function undoKind(event) {
+  const key = event.key.toLowerCase();
+  if (key === "z") return event.shiftKey ? "redo" : "undo";
+  return key === "y" ? "redo" : null;
 }
 
 function nextPaint() {

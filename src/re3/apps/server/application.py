@@ -11,12 +11,18 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import FileResponse, JSONResponse, Response
 from fastapi.staticfiles import StaticFiles
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 
 import re3
-from re3.apps.server.limits import Limits, OverLimitError
+from re3.apps.server.bodies import SmallBodies, StalledError
+from re3.apps.server.export_routes import router as export_routes
+from re3.apps.server.limits import Limits
+from re3.apps.server.playing import TrackingFailedError
+from re3.apps.server.problems import NotReadyError, problem, status
+from re3.apps.server.problems import told as told_error
+from re3.apps.server.routes import CLIENT_GONE
 from re3.apps.server.routes import router as rest
 from re3.apps.server.security import SameSiteOnly
-from re3.apps.server.session import NotReadyError
 from re3.apps.server.sessions import Sessions
 from re3.apps.server.stream import router as streams
 from re3.engine import load_engine
@@ -29,9 +35,6 @@ in the first frame, track, get the boxes. examples/client.py does so in 20 lines
 
 A session's WebSocket, /api/sessions/{session_id}/stream, tells of every frame as it is tracked
 and takes frames of a camera; see docs/serve.md."""
-
-OVER_LIMIT = {"sessions": 429, "objects": 409}
-"""HTTP status by kind of limit; of the others 413."""
 
 
 def create_app(
@@ -67,8 +70,10 @@ def create_app(
         redoc_url=None,
     )
     app.state.sessions, app.state.model = sessions, model
+    app.add_middleware(SmallBodies)
     app.add_middleware(SameSiteOnly, names=names)
     app.include_router(rest)
+    app.include_router(export_routes)
     app.include_router(streams)
     _add_errors(app)
     _add_pages(app)
@@ -92,21 +97,24 @@ def _add_errors(app: FastAPI) -> None:
     def told(status: int, detail: str, limit: str | None = None) -> Response:
         return JSONResponse({"detail": detail, "limit": limit}, status)
 
-    @app.exception_handler(OverLimitError)
-    async def over_limit(_: Request, error: OverLimitError) -> Response:
-        return told(OVER_LIMIT.get(error.kind, 413), str(error), error.kind)
+    async def refused(_: Request, error: Exception) -> Response:
+        body = problem(error)
+        return told(status(error), body["error"], body["limit"])
 
-    @app.exception_handler(ValueError)
-    async def unusable(_: Request, error: ValueError) -> Response:
-        return told(422, str(error))
+    for kind in (ValueError, KeyError, NotReadyError, TrackingFailedError, OSError):
+        app.add_exception_handler(kind, refused)
 
-    @app.exception_handler(KeyError)
-    async def unknown(_: Request, error: KeyError) -> Response:
-        return told(404, str(error.args[0]))
+    @app.exception_handler(StalledError)
+    async def stalled(_: Request, error: StalledError) -> Response:
+        return told(408, str(error))
 
-    @app.exception_handler(NotReadyError)
-    async def not_now(_: Request, error: NotReadyError) -> Response:
-        return told(409, str(error))
+    @app.exception_handler(ClientDisconnect)
+    async def gone(_: Request, error: ClientDisconnect) -> Response:
+        return Response(status_code=CLIENT_GONE)
+
+    @app.exception_handler(Exception)
+    async def unexpected(_: Request, error: Exception) -> Response:
+        return told(500, told_error(error))
 
     @app.exception_handler(RequestValidationError)
     async def invalid(_: Request, error: RequestValidationError) -> Response:

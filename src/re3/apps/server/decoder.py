@@ -257,7 +257,8 @@ def serve(commands: IO[bytes], answers: IO[bytes], limits: Limits) -> None:
             decoder.read_ahead()
 
 
-def _limit_memory() -> None:
+def limit_memory() -> None:
+    """Let the process have no more than `MEMORY_LIMIT`, and leave no core file."""
     try:
         import resource
     except ImportError:  # Windows has no such limit
@@ -268,7 +269,7 @@ def _limit_memory() -> None:
 
 def main() -> None:
     """Entry point; the server gives its limits as the only argument."""
-    _limit_memory()
+    limit_memory()
     # Whatever a library prints must not get between the answers.
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import asyncio
+import json
+import os
+import sys
 import zipfile
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import asdict, dataclass
 from fractions import Fraction
 from pathlib import Path
 
 from re3.apps.server.limits import Limits
-from re3.apps.server.remote_video import RemoteVideo
+from re3.apps.server.remote_video import ENVIRONMENT
+from re3.apps.server.wire import Head
 from re3.result import Result
-from re3.video import SourceError, VideoWriter, draw_results, open_results
+from re3.video import SourceError, open_results
 from re3.video.draw import Colour
 
 
@@ -77,26 +83,85 @@ def write_boxes(tracks: Tracks, kind: Kind, folder: Path, stem: str) -> Path:
     return packed
 
 
-def write_video(tracks: Tracks, source: Path, folder: Path, stem: str, limits: Limits) -> Path:
-    """Write the frames with the boxes drawn in, decoded once more by a process of its own.
+async def write_video(
+    tracks: Tracks,
+    source: Path,
+    folder: Path,
+    stem: str,
+    limits: Limits,
+    progress: Callable[[float], None],
+) -> Path:
+    """Write the frames with the boxes drawn in, by a process of its own.
+
+    Where the task is cancelled, the process ends.
+
+    Args:
+        tracks: what was found.
+        source: video file, or folder of pictures.
+        folder: for the file and what is needed to make it.
+        stem: of the file's name.
+        limits: of the server.
+        progress: called with the share that is done, 0 to 1.
 
     Raises:
         ValueError: nothing has been tracked, or a frame cannot be read any more.
+        OSError: the file cannot be written.
     """
     _check(tracks)
-    path = folder / f"{stem}.mp4"
-    video = RemoteVideo(limits)
+    path, job = folder / f"{stem}.mp4", folder / "job.json"
+    await asyncio.to_thread(_write_job, job, tracks, source, path, limits)
+    worker = await asyncio.create_subprocess_exec(
+        sys.executable,
+        "-m",
+        "re3.apps.server.export_worker",
+        str(job),
+        stdin=asyncio.subprocess.DEVNULL,
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.DEVNULL,
+        env={**os.environ, **ENVIRONMENT},
+    )
+    assert worker.stdout is not None
     try:
-        video.open(source, pictures=source.is_dir())
-        with VideoWriter(path, tracks.fps, tracks.size) as writer:
-            for index, _, results in tracks.frames:
-                frame = video.read(index)
-                if frame is None:
-                    raise SourceError(f"frame {index} cannot be read any more")
-                writer.write(draw_results(frame.image, results, tracks.colours))
+        while not (said := await _message(worker.stdout)).get("finished"):
+            if "error" in said:
+                if said["errno"] is not None:
+                    raise OSError(said["errno"], os.strerror(said["errno"]))
+                raise SourceError(said["error"])
+            progress(said["frames"] / len(tracks.frames))
     finally:
-        video.close()
+        with suppress(ProcessLookupError):
+            worker.kill()
+        await worker.wait()
     return path
+
+
+def _write_job(job: Path, tracks: Tracks, source: Path, path: Path, limits: Limits) -> None:
+    frames = [
+        [index, [[r.object_id, r.name, r.box_xywh, r.score, r.status.value] for r in results]]
+        for index, _, results in tracks.frames
+    ]
+    told = {
+        "source": str(source),
+        "path": str(path),
+        "fps": tracks.fps.as_integer_ratio(),
+        "size": tracks.size,
+        "colours": tracks.colours,
+        "limits": asdict(limits),
+        "frames": frames,
+    }
+    job.write_text(json.dumps(told), encoding="utf-8")
+
+
+async def _message(pipe: asyncio.StreamReader) -> Head:
+    try:
+        length = int.from_bytes(await pipe.readexactly(4), "big")
+        said: Head = json.loads(await pipe.readexactly(length))
+    except asyncio.IncompleteReadError as error:
+        raise SourceError(
+            "the process that writes the video crashed; the video is damaged or too large for this "
+            "machine's memory"
+        ) from error
+    return said
 
 
 def bgr(css: str) -> Colour:

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 MEGABYTE = 1_000_000
 
+PICTURE_BYTES = 32 << 20
+"""Of one picture of a camera, over REST and WebSocket."""
+
 
 class OverLimitError(ValueError):
     """Something is larger, longer or more than the server allows.
@@ -57,6 +60,16 @@ class Limits:
                 "upload_mb",
                 f"the video has more than {self.upload_mb:g} MB, the most that this server takes; "
                 "shorten it or make it smaller, or start the server with a larger --max-upload",
+            )
+
+    def check_picture(self, size: int) -> None:
+        """Raises OverLimitError for more bytes than a picture of a camera may have."""
+        most = min(PICTURE_BYTES, self.upload_bytes)
+        if size > most:
+            raise OverLimitError(
+                "upload_mb",
+                f"the picture has more than {most / MEGABYTE:g} MB, the most that this server "
+                "takes; make it smaller",
             )
 
     def check_duration(self, seconds: float) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator
+from itertools import islice
 
 import cv2
 
@@ -16,6 +18,9 @@ SHOWN_SIDE = 1280
 
 JPEG_QUALITY = 85
 
+BOXES_A_MESSAGE = 500
+"""Frames whose boxes go into one message to a page."""
+
 
 def video_message(video: TrackedVideo) -> Head:
     """The part of a session's state that is about its video."""
@@ -26,11 +31,13 @@ def video_message(video: TrackedVideo) -> Head:
             "name": each.name,
             "colour": each.colour,
             "first": each.first,
-            "given": sorted(each.given),
-            "ends": sorted(each.ends),
+            "given": list(each.given),
+            "ends": each.ends,
+            "tracked": [list(stretch) for stretch in each.ranges()],
         }
-        for each in list(video.objects.values())
+        for each in video.objects.values()
     ]
+    undo, redo = video.history.undo_change, video.history.redo_change
     return {
         "width": width,
         "height": height,
@@ -38,6 +45,10 @@ def video_message(video: TrackedVideo) -> Head:
         "position": video.position,
         "start": video.start,
         "tracked_until": video.tracked_until,
+        "untracked": video.untracked(),
+        "catching_up": video.frames_to_catch_up(),
+        "undo": undo and undo.what,
+        "redo": redo and redo.what,
         "broken": video.broken,
         "objects": objects,
     }
@@ -45,11 +56,8 @@ def video_message(video: TrackedVideo) -> Head:
 
 def frame_message(video: TrackedVideo, index: int) -> Head:
     """What is known of a frame; of the one shown also the speed."""
-    told: Head = {"type": "frame", "index": index}
-    if index in video.tracked:
-        told["timestamp"] = video.tracked[index].timestamp
+    told: Head = {"type": "frame", "index": index, "timestamp": video.timestamp(index)}
     if index == video.position:
-        told["timestamp"] = video.frame.timestamp
         told["tracking_ms"] = round(video.tracking_ms, 2)
         told["tracking_fps"] = round(video.fps, 1)
     told["results"] = [result_message(result) for result in video.results_at(index)]
@@ -67,12 +75,19 @@ def result_message(result: Result) -> Head:
     }
 
 
-def jpeg(frame: Frame) -> bytes:
-    """The frame as it is shown, no larger than `SHOWN_SIDE`."""
+def boxes_messages(video: TrackedVideo, indices: Iterable[int]) -> Iterator[Head]:
+    """What is known of frames, `BOXES_A_MESSAGE` in one message."""
+    remaining = iter(indices)
+    while some := list(islice(remaining, BOXES_A_MESSAGE)):
+        yield {"type": "boxes", "frames": [frame_message(video, index) for index in some]}
+
+
+def jpeg(frame: Frame, whole: bool = False) -> bytes:
+    """The frame as it is shown, no larger than `SHOWN_SIDE` unless it is to be `whole`."""
     image = frame.image
     height, width = image.shape[:2]
     scale = SHOWN_SIDE / max(height, width)
-    if scale < 1:
+    if scale < 1 and not whole:
         size = (max(1, round(width * scale)), max(1, round(height * scale)))
         image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
     _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])

@@ -51,19 +51,20 @@ class Recording:
         Raises:
             SourceError: it cannot be read; the recording stays as it was.
             OverLimitError: the recording or the picture is too large, or the recording too long.
+            OSError: it cannot be written; the recording stays as it was.
         """
         self._limits.check_upload(self._bytes + len(picture))
         self._limits.check_duration(timestamp)
         index = len(self.timestamps)
         path = self._folder / f"{index:08d}{ENDING}"
-        path.write_bytes(picture)
         try:
+            path.write_bytes(picture)
             if index == 0:
                 self.video.open(self._folder, pictures=True)
             elif self.video.read(index) is None:
                 raise SourceError("the picture cannot be read")
-        except ValueError:
-            path.unlink()
+        except (ValueError, OSError):
+            path.unlink(missing_ok=True)
             raise
         self.timestamps.append(timestamp)
         self._bytes += len(picture)

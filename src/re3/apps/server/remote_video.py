@@ -24,8 +24,8 @@ ANSWER_SECONDS = 120.0
 HOP = 250
 """Frames that are asked for at once, at most, on the way to a later one."""
 
-_ENVIRONMENT = {"OPENCV_IO_MAX_IMAGE_PIXELS": str(1 << 26), "OMP_NUM_THREADS": "1"}
-"""OpenCV refuses pictures of more pixels by their header."""
+ENVIRONMENT = {"OPENCV_IO_MAX_IMAGE_PIXELS": str(1 << 26), "OMP_NUM_THREADS": "1"}
+"""Of processes that decode; OpenCV refuses pictures of more pixels by their header."""
 
 
 class DecoderError(SourceError):
@@ -119,7 +119,7 @@ class RemoteVideo:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            env={**os.environ, **_ENVIRONMENT},
+            env={**os.environ, **ENVIRONMENT},
         )
 
     def _ask_for_frame(self, index: int) -> tuple[Head, bytearray]:

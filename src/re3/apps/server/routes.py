@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-import asyncio
-import re
-import shutil
-import tempfile
 from collections.abc import AsyncIterator
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Request, Response
 from fastapi import Path as PathParameter
-from fastapi.responses import FileResponse
-from starlette.background import BackgroundTask
 
 import re3
 from re3.apps.server import schemas
-from re3.apps.server.exports import KINDS, Tracks, bgr, write_boxes, write_video
+from re3.apps.server.bodies import chunks
+from re3.apps.server.exports import KINDS
 from re3.apps.server.limits import Limits
 from re3.apps.server.messages import frame_message, jpeg
+from re3.apps.server.names import cleaned_title
+from re3.apps.server.problems import NotReadyError
 from re3.apps.server.samples import find_sample, samples
-from re3.apps.server.session import NotReadyError, Session
+from re3.apps.server.session import Session
 from re3.apps.server.sessions import Sessions
 
 PROBLEMS: dict[int | str, dict[str, Any]] = {
@@ -30,12 +28,18 @@ PROBLEMS: dict[int | str, dict[str, Any]] = {
     for status, told in {
         403: "From a page of another site.",
         404: "No such session, object, sample or kind.",
-        409: "Not now: no video yet, or too many objects.",
+        408: "The request or the upload stood still.",
+        409: "Not now: no video yet, too many objects, nothing to undo.",
         413: "Over the limit of size, duration or resolution.",
         422: "Not usable: the video, the box, the name.",
         429: "Too many sessions.",
+        500: "An error inside re3; the session goes on.",
+        507: "The server's disk is full.",
     }.items()
 }
+
+CLIENT_GONE = 499
+"""Status where nobody is there to be answered any more; nginx's number."""
 
 router = APIRouter(prefix="/api", responses=PROBLEMS)
 
@@ -87,7 +91,7 @@ async def create_session(new: schemas.NewSession, every: All) -> schemas.Session
     """Create a session; one of a sample clip is ready at once."""
     sample = find_sample(new.name) if new.source == "sample" else None
     await every.make_room()
-    session = every.create(new.source, sample.title if sample else _title(new.name))
+    session = every.create(new.source, sample.title if sample else cleaned_title(new.name))
     if sample is not None:
         await _open_or_remove(every, session, sample.path)
     return _told(session)
@@ -116,7 +120,7 @@ async def upload_video(session: One, every: All, request: Request) -> schemas.Se
         every.limits.check_upload(int(request.headers.get("content-length", "0")))
         await _save(request.stream(), path, every.limits, session)
     except BaseException:
-        await every.remove(session.id, "refused")
+        await _remove_refused(every, session)
         raise
     await _open_or_remove(every, session, path)
     return _told(session)
@@ -125,14 +129,11 @@ async def upload_video(session: One, every: All, request: Request) -> schemas.Se
 @router.post("/sessions/{session_id}/frames", tags=["camera"], openapi_extra=PICTURE_BODY)
 async def send_frame(session: One, request: Request, every: All) -> schemas.FoundFrame:
     """Send the next frame of a camera, a JPEG, PNG or WebP picture; what was found in it."""
-    chunks = bytearray()
-    async for chunk in request.stream():
-        chunks += chunk
-        every.limits.check_upload(len(chunks))
-    first = session.tracked is None
-    await session.take_picture(bytes(chunks))
-    if first:
-        session.tell_state()
+    data = bytearray()
+    async for chunk in chunks(request.stream()):
+        data += chunk
+        every.limits.check_picture(len(data))
+    await session.take_picture(bytes(data))
     await session.show()
     return schemas.FoundFrame.model_validate(frame_message(session.video, session.video.position))
 
@@ -151,7 +152,8 @@ async def change_object(
     """Call or colour an object otherwise, or correct its box in the frame shown."""
     _object(session, object_id)
     if changed.name is not None or changed.colour is not None:
-        session.video.change(object_id, changed.name, changed.colour)
+        name, colour = changed.name, changed.colour
+        await session.run(lambda: session.video.change(object_id, name, colour))
         session.tell_state()
     if changed.box_xywh is not None:
         box = changed.box_xywh
@@ -161,7 +163,7 @@ async def change_object(
 
 @router.post("/sessions/{session_id}/objects/{object_id}/end", tags=["objects"])
 async def end_object(object_id: int, session: One) -> schemas.SessionState:
-    """Follow an object no more from the frame shown on; its boxes before stay."""
+    """Do not follow an object from the frame shown on, until the next box drawn for it."""
     _object(session, object_id)
     await session.change(lambda video: video.end(object_id))
     return _told(session)
@@ -174,18 +176,35 @@ async def remove_object(object_id: int, session: One) -> None:
     await session.change(lambda video: video.remove(object_id))
 
 
+@router.post("/sessions/{session_id}/undo", tags=["objects"])
+async def undo(session: One) -> schemas.SessionState:
+    """Take the latest change of the objects back, and go to its frame."""
+    await session.undo()
+    return _told(session)
+
+
+@router.post("/sessions/{session_id}/redo", tags=["objects"])
+async def redo(session: One) -> schemas.SessionState:
+    """Make the change again that was taken back last, and go to its frame."""
+    await session.undo(redo=True)
+    return _told(session)
+
+
 @router.post("/sessions/{session_id}/seek", tags=["tracking"])
 async def seek(to: schemas.Seek, session: One) -> schemas.SessionState:
     """Go to a frame, and wait until it is reached."""
-    await session.seek(to.frame)
-    await session.finish_playing()
+    if to.track:
+        await session.seek(to.frame)
+        await session.finish_playing()
+    else:
+        await session.look(to.frame)
     return _told(session)
 
 
 @router.post("/sessions/{session_id}/track", tags=["tracking"])
 async def track(how: schemas.Track, session: One) -> schemas.SessionState:
-    """Track as fast as possible, and wait until it is done."""
-    await session.play(0, how.until)
+    """Track what is not tracked yet, as fast as possible, and wait until it is done."""
+    await session.track(how.until)
     await session.finish_playing()
     return _told(session)
 
@@ -199,12 +218,11 @@ async def pause(session: One) -> schemas.SessionState:
 
 @router.get("/sessions/{session_id}/boxes", tags=["results"])
 async def get_boxes(session: One, first: int = 0) -> list[schemas.FoundFrame]:
-    """What was found in all frames that are up to date, from frame `first` on."""
+    """What was found in all frames that have been tracked, from frame `first` on."""
     session.use()
+    video = session.video
     told = await session.run(
-        lambda: [
-            frame_message(session.video, i) for i in sorted(session.video.tracked) if i >= first
-        ]
+        lambda: [frame_message(video, i) for i in video.known_frames() if i >= first]
     )
     return [schemas.FoundFrame.model_validate(each) for each in told]
 
@@ -215,38 +233,11 @@ async def get_boxes(session: One, first: int = 0) -> list[schemas.FoundFrame]:
     response_class=Response,
     responses={200: {"content": {"image/jpeg": {}}}},
 )
-async def get_picture(session: One) -> Response:
-    """The frame shown, as a picture."""
+async def get_picture(session: One, whole: bool = False) -> Response:
+    """The frame shown, as a picture of 1280 pixels at most; `whole`: as large as in the video."""
     frame = session.video.frame
-    return Response(await session.run(partial(jpeg, frame)), media_type="image/jpeg")
-
-
-@router.get("/sessions/{session_id}/export/{kind}", tags=["results"], response_class=FileResponse)
-async def export(session: One, kind: str, every: All) -> FileResponse:
-    """Download the results: csv, json, otb, mot, coco or mp4; a ZIP of several files at need."""
-    session.use()
-    if kind not in KINDS:
-        raise KeyError(f"there is no export {kind!r}; expected one of {', '.join(KINDS)}")
-    tracks, source = await session.run(partial(_tracks, session)), session.path
-    assert source is not None
-    folder = Path(tempfile.mkdtemp(dir=session.folder))
-    stem = _stem(session.title)
-    if kind == "mp4":
-        work = partial(write_video, tracks, source, folder, stem, every.limits)
-    else:
-        work = partial(write_boxes, tracks, KINDS[kind], folder, stem)
-    try:
-        path = await asyncio.to_thread(work)
-    except BaseException:
-        _remove(folder)
-        raise
-    media_type = "application/zip" if path.suffix == ".zip" else KINDS[kind].media_type
-    return FileResponse(
-        path,
-        media_type=media_type,
-        filename=path.name,
-        background=BackgroundTask(_remove, folder),
-    )
+    picture = await session.run(partial(jpeg, frame, whole))
+    return Response(picture, media_type="image/jpeg", headers={"Re3-Frame": str(frame.index)})
 
 
 @router.post("/sessions/{session_id}/done", status_code=204, tags=["sessions"])
@@ -259,10 +250,12 @@ async def done(session: One) -> None:
     session.chosen.set()
 
 
-async def _save(chunks: AsyncIterator[bytes], path: Path, limits: Limits, session: Session) -> None:
+async def _save(stream: AsyncIterator[bytes], path: Path, limits: Limits, session: Session) -> None:
     size = 0
     with path.open("wb") as file:
-        async for chunk in chunks:
+        async for chunk in chunks(stream):
+            if session.closed:
+                raise NotReadyError("the session has been ended during the upload")
             size += len(chunk)
             limits.check_upload(size)
             file.write(chunk)
@@ -273,12 +266,13 @@ async def _open_or_remove(every: Sessions, session: Session, path: Path) -> None
     try:
         await session.open(path)
     except BaseException:
-        await every.remove(session.id, "refused")
+        await _remove_refused(every, session)
         raise
 
 
-def _remove(folder: Path) -> None:
-    shutil.rmtree(folder, ignore_errors=True)
+async def _remove_refused(every: Sessions, session: Session) -> None:
+    with suppress(KeyError):  # ended meanwhile
+        await every.remove(session.id, "refused")
 
 
 def _told(session: Session) -> schemas.SessionState:
@@ -292,23 +286,3 @@ def _object(session: Session, object_id: int) -> schemas.ObjectState:
     raise KeyError(
         f"there is no object {object_id}; there are {sorted(session.video.objects) or 'none'}"
     )
-
-
-def _tracks(session: Session) -> Tracks:
-    video = session.video
-    height, width = video.frame.image.shape[:2]
-    frames = [(i, video.tracked[i].timestamp, video.results_at(i)) for i in sorted(video.tracked)]
-    colours = {each.id: bgr(each.colour) for each in video.objects.values()}
-    return Tracks(frames, (width, height), session.fps, colours)
-
-
-def _title(name: str) -> str:
-    """A file's name as it may be shown: without folders and control characters."""
-    last = re.split(r"[/\\]", name)[-1]
-    return "".join(c for c in last if c.isprintable()).strip() or "video"
-
-
-def _stem(title: str) -> str:
-    """A name for files to download: no folder, and nothing that a system forbids."""
-    stem = re.sub(r"\.[A-Za-z0-9]{1,5}$", "", title)
-    return re.sub(r"[^\w.-]+", "_", stem).strip("._")[:80] or "video"

@@ -6,6 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from re3.apps.server.names import LONGEST
+
 Box = Annotated[
     list[float],
     Field(
@@ -16,7 +18,11 @@ Box = Annotated[
     ),
 ]
 Colour = Annotated[str, Field(pattern="^#[0-9a-fA-F]{6}$", examples=["#3cc850"])]
-Name = Annotated[str, Field(min_length=1, max_length=80, examples=["person"])]
+Name = Annotated[str, Field(min_length=1, max_length=LONGEST, examples=["person"])]
+
+
+SLOWEST = 0.05
+"""Times the video's own speed at which it can be played."""
 
 
 class _Strict(BaseModel):
@@ -51,9 +57,12 @@ class ChangedObject(_Strict):
 
 
 class Seek(_Strict):
-    """A frame to go to; frames that have not been tracked are tracked on the way."""
+    """A frame to go to."""
 
     frame: int = Field(ge=0, description="0-based")
+    track: bool = Field(
+        True, description="whether frames that have not been tracked are tracked on the way"
+    )
 
 
 class Track(_Strict):
@@ -70,7 +79,12 @@ class ObjectState(BaseModel):
     colour: str
     first: int = Field(description="the frame it was first drawn in")
     given: list[int] = Field(description="frames in which its box was drawn")
-    ends: list[int] = Field(description="frames from which on it was not followed")
+    ends: list[int] = Field(
+        description="frames from which on it is not followed, until a box is drawn again"
+    )
+    tracked: list[tuple[int, int]] = Field(
+        description="first and last frames in which its boxes are known, for each drawn box"
+    )
 
 
 class SessionState(BaseModel):
@@ -88,7 +102,13 @@ class SessionState(BaseModel):
     frame_count: int | None = Field(None, description="as far as known")
     position: int | None = Field(None, description="the frame shown, 0-based")
     start: int | None = Field(None, description="the first frame with a box given")
-    tracked_until: int | None = Field(None, description="the last frame that is up to date")
+    tracked_until: int | None = Field(
+        None, description="the last frame up to which all objects are known"
+    )
+    untracked: list[str] = Field([], description="what is not tracked to the video's end")
+    catching_up: int = Field(0, description="frames still to track again after a change")
+    undo: str | None = Field(None, description="what undo takes back")
+    redo: str | None = Field(None, description="what redo makes again")
     broken: str | None = Field(None, description="why the video ended early")
     objects: list[ObjectState] = []
 

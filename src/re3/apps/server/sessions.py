@@ -91,7 +91,7 @@ class Sessions:
         """End the sessions that nobody has used for too long."""
         oldest = time.monotonic() - 60 * self.limits.idle_minutes
         for session in list(self._sessions.values()):
-            if session.used_at < oldest and not session.playing:
+            if session.used_at < oldest and not session.busy:
                 with suppress(KeyError):
                     await self.remove(session.id, "expired")
 

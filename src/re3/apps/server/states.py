@@ -1,32 +1,23 @@
-"""States of the tracker by frame, so that it can go on from any frame; bounded in memory."""
+"""States of the tracker by segment and frame, to go on from any frame; bounded in memory."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Collection, Hashable
 
-from numpy.typing import NDArray
+from re3.tracker_state import ObjectState
 
 BUDGET = 96 << 20
-"""Bytes; a state of re3-lite with one object takes 170 kB."""
+"""Bytes; a state of one object in re3-lite takes 170 kB."""
 
 RECENT = 24
-"""Frames before the newest whose states are all kept, budget or not: stepping back is at once."""
+"""Frames before the newest of a segment whose states are kept: stepping back is immediate."""
 
-
-class SavedState(NamedTuple):
-    """The tracker after a frame.
-
-    Attributes:
-        arrays: of `MultiTracker.save_state`.
-        ids: object -> its id in the tracker.
-    """
-
-    arrays: dict[str, NDArray]
-    ids: dict[int, int]
+OWNERS = 16
+"""Segments, those used last, of which states are kept when the budget is spent."""
 
 
 class StateStore:
-    """States by frame. Over the budget, older ones are thinned out evenly.
+    """States by owner (a segment) and frame. Over the budget, older ones are thinned out evenly.
 
     Args:
         budget: in bytes.
@@ -34,41 +25,52 @@ class StateStore:
 
     def __init__(self, budget: int = BUDGET) -> None:
         self._budget = budget
-        self._states: dict[int, SavedState] = {}
-        self._sizes: dict[int, int] = {}
+        self._states: dict[Hashable, dict[int, ObjectState]] = {}  # owners: used last comes last
         self._bytes = 0
         self._stride = 1
 
-    def put(self, frame: int, state: SavedState) -> None:
+    def put(self, owner: Hashable, frame: int, state: ObjectState) -> None:
         """Keep the state after a frame, in place of an earlier one."""
-        self.drop(frame)
-        self._states[frame] = state
-        self._sizes[frame] = sum(array.nbytes for array in state.arrays.values())
-        self._bytes += self._sizes[frame]
-        while self._bytes > self._budget and self._stride <= frame:
-            for each in [e for e in self._states if e < frame - RECENT and e % self._stride]:
-                self._forget(each)
-            if self._bytes > self._budget:
-                self._stride *= 2
+        states = self._states.pop(owner, {})
+        self._states[owner] = states
+        self._forget(states, frame)
+        states[frame] = state
+        self._bytes += _size(state)
+        while self._bytes > self._budget and len(self._states) > OWNERS:
+            self.drop(next(iter(self._states)))
+        while self._bytes > self._budget:
+            for each in self._states.values():
+                newest = max(each, default=0)
+                for at in [at for at in each if at < newest - RECENT and at % self._stride]:
+                    self._forget(each, at)
+            if self._bytes <= self._budget or self._stride > frame:
+                break  # what is left are the recent ones
+            self._stride *= 2
 
-    def nearest(self, frame: int) -> tuple[int, SavedState] | None:
+    def nearest(self, owner: Hashable, frame: int) -> tuple[int, ObjectState] | None:
         """The latest state at or before the frame, with its frame; None where there is none."""
-        before = [each for each in self._states if each <= frame]
-        return (max(before), self._states[max(before)]) if before else None
+        states = self._states.get(owner, {})
+        at = max((each for each in states if each <= frame), default=None)
+        return None if at is None else (at, states[at])
 
-    def drop_after(self, frame: int) -> None:
-        """Forget the states of later frames."""
-        for each in [each for each in self._states if each > frame]:
-            self._forget(each)
+    def drop(self, owner: Hashable) -> None:
+        """Forget all states of an owner, if there are any."""
+        states = self._states.pop(owner, {})
+        for frame in list(states):
+            self._forget(states, frame)
 
-    def drop(self, frame: int) -> None:
-        """Forget the state of a frame, if there is one."""
-        if frame in self._states:
-            self._forget(frame)
+    def keep_only(self, owners: Collection[Hashable]) -> None:
+        """Forget the states of all others."""
+        for owner in [each for each in self._states if each not in owners]:
+            self.drop(owner)
 
     def __len__(self) -> int:
-        return len(self._states)
+        return sum(map(len, self._states.values()))
 
-    def _forget(self, frame: int) -> None:
-        self._bytes -= self._sizes.pop(frame)
-        del self._states[frame]
+    def _forget(self, states: dict[int, ObjectState], frame: int) -> None:
+        if frame in states:
+            self._bytes -= _size(states.pop(frame))
+
+
+def _size(state: ObjectState) -> int:
+    return sum(array.nbytes for array in state.values())

@@ -1,9 +1,11 @@
 """The WebSocket of a session: it tells what happens, and takes commands and frames of a camera.
 
-To the page: JSON messages, `state`, `frame`, `boxes`, `dropped`, `refused`, `error` and `gone` by
-their `type`; pictures come in binary messages as in `re3.apps.server.wire`, and are to be
+To the page: JSON messages, `state`, `frame`, `boxes`, `export`, `dropped`, `refused`, `error` and
+`gone` by their `type`; pictures come in binary messages as in `re3.apps.server.wire`, and are to be
 acknowledged with {"do": "shown"}. From the page: {"do": "play", "speed": 1}, {"do": "pause"},
-{"do": "step", "by": 1}, {"do": "seek", "frame": 7}; binary messages are pictures of the camera.
+{"do": "step", "by": 1}, {"do": "seek", "frame": 7} (tracking on the way),
+{"do": "look", "frame": 7} (tracking nothing), {"do": "track"} (all that is not tracked yet),
+{"do": "undo"}, {"do": "redo"}; binary messages are pictures of the camera.
 """
 
 from __future__ import annotations
@@ -14,15 +16,16 @@ from contextlib import suppress
 from typing import Any
 
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
-from re3.apps.server.limits import OverLimitError
-from re3.apps.server.messages import frame_message
-from re3.apps.server.session import NotReadyError, Session
+from re3.apps.server.messages import boxes_messages
+from re3.apps.server.problems import problem
+from re3.apps.server.schemas import SLOWEST
+from re3.apps.server.session import Session
 from re3.apps.server.viewer import Viewer
 
-BOXES_A_MESSAGE = 500
-"""Frames whose boxes go into one message to a page that comes later."""
+LONGEST_COMMAND = 4096
+"""Characters."""
 
 GONE = 4404
 """Code of a WebSocket closed because there is no such session."""
@@ -36,9 +39,16 @@ class Command(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     do: str
-    speed: float = Field(1.0, ge=0, le=16)
+    speed: float = Field(1.0, le=16)
     by: int = Field(1, ge=-1, le=1)
     frame: int = Field(0, ge=0)
+
+    @field_validator("speed")
+    @classmethod
+    def _is_fast_enough(cls, speed: float) -> float:
+        if not (speed == 0 or speed >= SLOWEST):
+            raise ValueError(f"expected 0 (as fast as possible) or {SLOWEST} and more")
+        return speed
 
 
 @router.websocket("/api/sessions/{session_id}/stream")
@@ -75,10 +85,8 @@ def _tell_everything(session: Session, viewer: Viewer) -> None:
     viewer.tell({"type": "state", "session": session.state()})
     if session.tracked is None:
         return
-    indices = sorted(session.tracked.tracked)
-    for at in range(0, len(indices), BOXES_A_MESSAGE):
-        frames = [frame_message(session.tracked, i) for i in indices[at : at + BOXES_A_MESSAGE]]
-        viewer.tell({"type": "boxes", "frames": frames})
+    for message in boxes_messages(session.tracked, session.tracked.known_frames()):
+        viewer.tell(message)
     viewer.owed = True
 
 
@@ -92,12 +100,20 @@ async def _listen(socket: WebSocket, session: Session, viewer: Viewer) -> None:
                 session.offer_picture(message["bytes"], viewer)
                 continue
             try:
-                await _obey(Command(**json.loads(message["text"])), session, viewer)
-            except (ValidationError, json.JSONDecodeError, TypeError) as error:
-                viewer.tell({"type": "error", "error": f"not a command: {error}", "limit": None})
-            except (ValueError, NotReadyError) as error:
-                kind = error.kind if isinstance(error, OverLimitError) else None
-                viewer.tell({"type": "error", "error": str(error), "limit": kind})
+                await _obey(_parsed(message["text"]), session, viewer)
+            except Exception as error:  # noqa: BLE001, every command is answered
+                viewer.tell({"type": "error", **problem(error)})
+
+
+def _parsed(text: str) -> Command:
+    if len(text) > LONGEST_COMMAND:
+        raise ValueError(
+            f"the command has {len(text)} characters; expected {LONGEST_COMMAND} at most"
+        )
+    try:
+        return Command(**json.loads(text))
+    except (ValidationError, json.JSONDecodeError, TypeError, RecursionError) as error:
+        raise ValueError(f"not a command: {error}") from error
 
 
 async def _obey(command: Command, session: Session, viewer: Viewer) -> None:
@@ -111,11 +127,17 @@ async def _obey(command: Command, session: Session, viewer: Viewer) -> None:
             await session.pause()
         case "step" if command.by > 0:
             if not await session.change(lambda video: video.forward()):
-                session.ended = True
+                session.player.ended = True
                 session.tell_state()
         case "step":
             await session.change(lambda video: video.show(max(0, video.position - 1)))
         case "seek":
             await session.seek(command.frame)
+        case "look":
+            await session.look(command.frame)
+        case "track":
+            await session.track()
+        case "undo" | "redo":
+            await session.undo(redo=command.do == "redo")
         case _:
             raise ValueError(f"unknown command {command.do!r}; see the API's page")
