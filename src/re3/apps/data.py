@@ -17,6 +17,7 @@ from rich.table import Table
 
 from re3.apps.console import INTERRUPTED, failed, stderr
 from re3.apps.data_look import show, stats
+from re3.apps.data_pack import pack
 from re3.data.formats import FORMATS
 from re3.data.formats.check import Finding, check_dataset
 from re3.data.still_formats import STILL_FORMATS
@@ -45,6 +46,8 @@ def _root() -> None:
         re3 data stats mix.yaml --out stats.png
 
         re3 data show mix.yaml --out sheet.png
+
+        re3 data pack mix.yaml --out packed
     """
 
 
@@ -205,3 +208,4 @@ def _row(finding: Finding) -> list[str]:
 
 data.command()(stats)
 data.command()(show)
+data.command()(pack)

@@ -16,6 +16,7 @@ from typing import Any
 import re3
 from re3.evaluation.environment import Environment
 from re3.evaluation.result_files import write_whole
+from re3.training.packed.recipe import PackedRecipe
 from re3.training.recipe import Recipe
 from re3.training.recipe_file import recipe_yaml
 
@@ -23,7 +24,11 @@ RECIPE, STARTS, PACKAGES = "recipe.yaml", "run.json", "packages.txt"
 
 
 def note_start(
-    folder: Path, recipe: Recipe, iteration: int, device: str = "cpu", processes: int = 1
+    folder: Path,
+    recipe: Recipe | PackedRecipe,
+    iteration: int,
+    device: str = "cpu",
+    processes: int = 1,
 ) -> None:
     """Note a start of a run: the first one, or another that resumes it.
 

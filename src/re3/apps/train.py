@@ -12,6 +12,7 @@ from re3.apps.console import INTERRUPTED, failed, stderr
 from re3.apps.pretrained import load_pretrained
 from re3.apps.sequences import FORMAT_HELP
 from re3.apps.stopping import StopSignals
+from re3.apps.train_packed import PackedRun, train_packed
 from re3.apps.train_report import Report
 from re3.apps.training_data import (
     DEFAULT_CACHE_GB,
@@ -19,10 +20,12 @@ from re3.apps.training_data import (
     folders_sampler,
     mix_file_sampler,
 )
+from re3.training.packed.recipe import PACKED_RECIPES
 from re3.training.recipe import RECIPES
 
 if TYPE_CHECKING:
     from re3.data.sampling import ClipSampler
+    from re3.network.re3_lite import Re3Lite
     from re3.network.variants import Network
     from re3.training.trainer import Trainer
 
@@ -49,6 +52,15 @@ def train(
             show_default=False,
         ),
     ] = None,
+    packed: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of shards that `re3 data pack` wrote, in place of --data: the whole of "
+            "re3-lite learns, and crops are made on the device.",
+            metavar="DIR",
+            show_default=False,
+        ),
+    ] = None,
     out: Annotated[
         Path,
         typer.Option(
@@ -67,14 +79,36 @@ def train(
         ),
     ] = None,
     recipe_name: Annotated[
-        str,
+        str | None,
         typer.Option(
             "--recipe",
-            help=f"Curriculum and optimiser: {', '.join(RECIPES)}, or a .yaml file with fields of "
-            "a recipe; recipe.yaml in a run's folder is one.",
+            help=f"Curriculum and optimiser: {', '.join(RECIPES)}, with --packed "
+            f"{', '.join(PACKED_RECIPES)}, or a .yaml file with fields of a recipe; recipe.yaml in "
+            "a run's folder is one. Default: frozen-trunk, with --packed gpu.",
             metavar="NAME|FILE",
+            show_default=False,
         ),
-    ] = "frozen-trunk",
+    ] = None,
+    minutes: Annotated[
+        float | None,
+        typer.Option(
+            help="With --packed: train for so long, with the learning rate fitted to it. Default: "
+            "9, or as --iterations says.",
+            min=0.01,
+            show_default=False,
+        ),
+    ] = None,
+    iterations: Annotated[
+        int | None,
+        typer.Option(
+            help="With --packed: train for so many iterations, whatever time they take.",
+            min=1,
+            show_default=False,
+        ),
+    ] = None,
+    workers: Annotated[
+        int, typer.Option(help="With --packed: processes that draw clips.", min=0)
+    ] = 2,
     init: Annotated[
         Path | None,
         typer.Option(
@@ -153,6 +187,8 @@ def train(
         re3 train --model re3-lite --data videos --data stills --val clips --out runs/mine
 
         torchrun --nproc-per-node 4 -m re3 train -d videos --device cuda -o runs/mine
+
+        re3 train --packed packed --device cuda --compile --minutes 9 -o runs/mine
     """
     try:
         import torch
@@ -171,6 +207,32 @@ def train(
             f"training needs more than tracking does ({error}): pip install 're3[train]'"
         ) from error
     try:
+        if packed is not None:
+            if data or mix is not None or length != 1.0:
+                raise ValueError(
+                    "--packed has data and sampling of its own and is limited by --minutes or "
+                    "--iterations; expected it without --data, --mix and --length"
+                )
+            run = PackedRun(
+                folder=packed,
+                out=out,
+                recipe=recipe_name or "gpu",
+                minutes=minutes,
+                iterations=iterations,
+                device=device,
+                mixed=_mixed(precision, device),
+                compiled=compiled,
+                workers=workers,
+                threads=threads,
+                seed=seed,
+                validation=validation,
+                clips=validation_clips,
+            )
+            train_packed(run, _lite(_start(model, init), init))
+            return
+        if minutes is not None or iterations is not None:
+            raise ValueError("--minutes and --iterations are for --packed; give --length instead")
+        recipe_name = recipe_name or "frozen-trunk"
         recipe = find_recipe(recipe_name).scaled(length)
         if seed is not None:
             recipe = replace(recipe, seed=seed)
@@ -246,6 +308,25 @@ def _start(model: str | None, init: Path | None) -> Network:
             f"{init} holds weights of {network.spec().name!r}, not of {model!r}; give weights of "
             "that, or leave out --model"
         )
+    return network
+
+
+def _lite(network: Network, init: Path | None) -> Re3Lite:
+    """A network that packed data can train, its backbone pretrained.
+
+    Raises:
+        ValueError: it is of another kind, or quantised.
+    """
+    from re3.network.quantize import is_quantized
+    from re3.network.re3_lite import Re3Lite
+
+    if not isinstance(network, Re3Lite) or is_quantized(network):
+        raise ValueError(
+            f"--packed cannot train {network.spec().name!r} as it is; expected re3-lite or another "
+            "size of it, in full precision"
+        )
+    if init is None:
+        load_pretrained(network)
     return network
 
 

@@ -12,12 +12,16 @@ from __future__ import annotations
 import dataclasses
 import types
 import typing
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import yaml
 
+from re3.training.packed.recipe import PACKED_RECIPES, PackedRecipe
 from re3.training.recipe import FROZEN_TRUNK, RECIPES, Recipe
+
+T = TypeVar("T")
 
 BASE_KEY = "base"
 SUFFIXES = (".yaml", ".yml")
@@ -46,7 +50,32 @@ def read_recipe(path: str | Path) -> Recipe:
         FileNotFoundError: no such file.
         ValueError: not YAML, a key that is no field, or a value that does not fit its field.
     """
-    path = Path(path)
+    return typing.cast(Recipe, _read(Path(path), FROZEN_TRUNK, RECIPES))
+
+
+def find_packed_recipe(name: str) -> PackedRecipe:
+    """A recipe for packed data by its name, or from a YAML file; raises as `find_recipe` does."""
+    if name in PACKED_RECIPES:
+        return PACKED_RECIPES[name]
+    if Path(name).suffix in SUFFIXES:
+        start = next(iter(PACKED_RECIPES.values()))
+        return typing.cast(PackedRecipe, _read(Path(name), start, PACKED_RECIPES))
+    raise ValueError(
+        f"no recipe {name!r} for packed data; expected one of {', '.join(PACKED_RECIPES)}, or the "
+        "path of a .yaml file"
+    )
+
+
+def with_values(base: T, values: dict[str, Any]) -> T:
+    """A frozen configuration with fields replaced by plain values, as JSON and YAML have them.
+
+    Raises:
+        ValueError: a key that is no field, or a value that does not fit its field.
+    """
+    return typing.cast(T, _changed(base, values, ""))
+
+
+def _read(path: Path, default: Any, known: Mapping[str, Any]) -> Any:
     if not path.is_file():
         raise FileNotFoundError(f"recipe {path} does not exist")
     try:
@@ -61,16 +90,16 @@ def read_recipe(path: str | Path) -> Recipe:
             "'learning_rate: 5e-4'"
         )
     base = values.pop(BASE_KEY, None)
-    if base is not None and base not in RECIPES:
-        raise ValueError(f"{path}: {BASE_KEY} is {base!r}; expected one of {', '.join(RECIPES)}")
-    start = FROZEN_TRUNK if base is None else RECIPES[base]
+    if base is not None and base not in known:
+        raise ValueError(f"{path}: {BASE_KEY} is {base!r}; expected one of {', '.join(known)}")
+    start = default if base is None else known[base]
     try:
-        return typing.cast(Recipe, _changed(start, values, ""))
+        return _changed(start, values, "")
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
 
 
-def recipe_yaml(recipe: Recipe) -> str:
+def recipe_yaml(recipe: Recipe | PackedRecipe) -> str:
     """All fields of a recipe as YAML; `read_recipe` reads the same recipe back."""
     return yaml.safe_dump(_plain(dataclasses.asdict(recipe)), sort_keys=False)
 

@@ -52,19 +52,16 @@ class PackedRecipe:
         loss: weights of the loss terms.
     """
 
-    stages: tuple[Stage, ...] = (
-        Stage(until=0.25, unroll=4, batch=256, own=0.3),
-        Stage(until=1.0, unroll=8, batch=128, own=0.6),
-    )
+    stages: tuple[Stage, ...] = (Stage(until=1.0, unroll=8, batch=128, own=0.6),)
     learning_rate: float = 5e-4
     final_learning_rate: float = 5e-6
     backbone_rate: float = 0.4
     warm_up: float = 0.03
     weight_decay: float = 1e-3
     gradient_norm: float = 2.0
-    average: float = 0.998
+    average: float = 0.997
     seed: int = 0
-    noise: CropNoise = CropNoise()
+    noise: CropNoise = CropNoise(jump=0.25, jump_limit=1.5, jumps_own=0.1)
     loss: LossWeights = LossWeights()
 
     def __post_init__(self) -> None:
@@ -93,3 +90,10 @@ class PackedRecipe:
         share = min((progress - self.warm_up) / (1 - self.warm_up), 1.0)
         span = self.learning_rate - self.final_learning_rate
         return self.final_learning_rate + span * 0.5 * (1 + math.cos(math.pi * share))
+
+
+GPU = PackedRecipe()
+"""For some minutes on one GPU, from weights of `re3-lite` or of another size of it."""
+
+PACKED_RECIPES = {"gpu": GPU}
+"""The recipes by name."""

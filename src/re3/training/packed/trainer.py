@@ -203,7 +203,8 @@ class PackedTrainer:
             self.iteration += 1
             self.pairs += stage.batch * (stage.unroll + 1)
             meter.add(terms, rollout, waited, stage.batch * (stage.unroll + 1))
-            if self.iteration % REPORT_EVERY == 0 or self.iteration <= 2:
+            last = self.iteration == self.limit.iterations
+            if self.iteration % REPORT_EVERY == 0 or self.iteration <= 2 or last:
                 figures = meter.end()
                 if not math.isfinite(figures["loss"]):
                     raise TrainingError(

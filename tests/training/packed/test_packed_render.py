@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 import torch
-from camera_effects import NO_EFFECTS
+from packed_material import NO_EFFECTS
 
 from re3 import geometry
 from re3.data.sampling_config import SamplingConfig
