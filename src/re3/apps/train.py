@@ -106,6 +106,13 @@ def train(
             show_default=False,
         ),
     ] = None,
+    recorded: Annotated[
+        bool,
+        typer.Option(
+            "--cuda-graph",
+            help="With --packed on a GPU: record a step as a CUDA graph and replay it.",
+        ),
+    ] = False,
     workers: Annotated[
         int, typer.Option(help="With --packed: processes that draw clips.", min=0)
     ] = 2,
@@ -208,6 +215,8 @@ def train(
         ) from error
     try:
         if packed is not None:
+            if recorded and device != "cuda":
+                raise ValueError("--cuda-graph is for GPUs; give --device cuda, or leave it out")
             if data or mix is not None or length != 1.0:
                 raise ValueError(
                     "--packed has data and sampling of its own and is limited by --minutes or "
@@ -222,6 +231,7 @@ def train(
                 device=device,
                 mixed=_mixed(precision, device),
                 compiled=compiled,
+                recorded=recorded,
                 workers=workers,
                 threads=threads,
                 seed=seed,

@@ -35,7 +35,7 @@ class PackedRun:
         recipe: name, or path of a .yaml file.
         minutes, iterations: length of the run, one of them; by default `DEFAULT_MINUTES`.
         device: `cpu` or `cuda`.
-        mixed, compiled: see `PackedTrainer`.
+        mixed, compiled, recorded: see `PackedTrainer`.
         workers: processes that draw clips.
         threads: of torch on a CPU.
         seed: in place of the recipe's.
@@ -50,6 +50,7 @@ class PackedRun:
     device: str
     mixed: bool
     compiled: bool
+    recorded: bool
     workers: int
     threads: int
     seed: int | None
@@ -100,6 +101,7 @@ def train_packed(run: PackedRun, network: Re3Lite) -> None:
         device.torch,
         mixed=run.mixed,
         compiled=run.compiled,
+        recorded=run.recorded,
         workers=run.workers,
         processes=processes,
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import torch
 import torch.nn.functional as F
 from torch import Tensor
@@ -35,7 +37,7 @@ def take_picture(crops: Tensor, clips: ClipBatch, frame: int, generator: torch.G
     Returns:
         the same shape, whole numbers from 0 to 255.
     """
-    luminance = crops @ crops.new_tensor([0.114, 0.587, 0.299])
+    luminance = 0.114 * crops[..., 0] + 0.587 * crops[..., 1] + 0.299 * crops[..., 2]
     crops = torch.where(clips.grey[:, None, None, None], luminance[..., None], crops)
     crops = blur(crops, clips.blurred[frame], clips.kernels[frame])
     gain, offset = clips.gain[frame][:, None, None, :], clips.offset[frame][:, None, None, None]
@@ -76,28 +78,35 @@ def compress(crops: Tensor, which: Tensor, quality: Tensor) -> Tensor:
     if not len(which):
         return crops
     chosen, side = crops[which], crops.shape[1]
-    to_ycc = crops.new_tensor(
-        [[0.114, 0.5, -0.081312], [0.587, -0.331264, -0.418688], [0.299, -0.168736, 0.5]]
-    )
+    to_ycc, to_bgr, cosine, tables = _constants(crops.device)
     ycc = chosen @ to_ycc  # BGR to luminance, blue and red difference
     cells = side // BLOCK
     blocks = ycc.reshape(-1, cells, BLOCK, cells, BLOCK, 3).permute(0, 1, 3, 5, 2, 4)
-    cosine = _cosines(crops)
     frequencies = cosine @ (blocks - 128.0) @ cosine.T
     scale = torch.where(quality < 50, 50.0 / quality, 2.0 - quality / 50.0).clamp(min=0.02)
-    table = crops.new_tensor(LUMINANCE_TABLE) * scale[:, None, None]
+    table = tables * scale[:, None, None]
     table = table[:, None, None, None].clamp(min=1.0)
     quantised = (frequencies / table).round() * table
     restored = (cosine.T @ quantised @ cosine + 128.0).permute(0, 1, 4, 2, 5, 3)
-    restored = restored.reshape(chosen.shape) @ torch.linalg.inv(to_ycc)
+    restored = restored.reshape(chosen.shape) @ to_bgr
     kept = (quality >= 100)[:, None, None, None]
     return crops.index_copy(0, which, torch.where(kept, chosen, restored.clamp(0, 255)))
 
 
-def _cosines(like: Tensor) -> Tensor:
-    """The orthonormal cosine transform `[8, 8]`, frequencies by positions."""
-    steps = torch.arange(BLOCK, device=like.device, dtype=like.dtype)
+@lru_cache
+def _constants(device: torch.device) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """BGR to luminance and colour differences and back, `[3, 3]` each; the orthonormal cosine
+    transform, `[8, 8]`, frequencies by positions; the quantisation table `[8, 8]`.
+
+    Made once for each device: nothing may be copied to it while a CUDA graph is recorded.
+    """
+    to_ycc = torch.tensor(
+        [[0.114, 0.5, -0.081312], [0.587, -0.331264, -0.418688], [0.299, -0.168736, 0.5]]
+    )
+    steps = torch.arange(BLOCK, dtype=torch.float32)
     basis = torch.cos((2 * steps[None, :] + 1) * steps[:, None] * torch.pi / (2 * BLOCK))
     basis = basis * (2.0 / BLOCK) ** 0.5
     basis[0] = basis[0] / 2.0**0.5
-    return basis
+    table = torch.tensor(LUMINANCE_TABLE, dtype=torch.float32)
+    made = (to_ycc, torch.linalg.inv(to_ycc), basis, table)
+    return tuple(one.to(device) for one in made)  # type: ignore[return-value]

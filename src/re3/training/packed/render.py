@@ -111,7 +111,7 @@ def visible_share(layers: Layers, boxes_xyxy: Tensor) -> Tensor:
         boxes_xyxy: float32 `[N, 4]`, of the targets; NaN where absent.
     """
     absent = boxes_xyxy[:, 0].isnan()
-    anything = boxes_xyxy.new_tensor([0.0, 0.0, 1.0, 1.0])
+    anything = (torch.arange(4, device=boxes_xyxy.device) >= 2).to(boxes_xyxy)  # 0, 0, 1, 1
     regions = torch.where(absent[:, None], anything, boxes_xyxy)
     _, target = _layer(regions, VISIBILITY_GRID, *layers.at(TARGET))
     whole = seen = (target > 0.5).float()

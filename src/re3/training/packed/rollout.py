@@ -6,6 +6,7 @@ tensors: nothing waits for the device.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -283,7 +284,7 @@ def _usable(predicted: Tensor, truth: Tensor, centre: Tensor) -> Tensor:
     size = (predicted[:, 2:] - predicted[:, :2]).clamp(min=SMALLEST_SIDE)
     ratio = size.prod(dim=1) / (truth[:, 2:] - truth[:, :2]).prod(dim=1)
     near = ((centre - 0.5).abs() < REACH / 2).all(dim=1)
-    alike = ratio.log().abs() < torch.log(ratio.new_tensor(SWELL))
+    alike = ratio.log().abs() < math.log(SWELL)
     return _is_box(predicted) & ((near & alike) | truth[:, 0].isnan())
 
 

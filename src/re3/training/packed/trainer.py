@@ -11,6 +11,7 @@ import copy
 import json
 import math
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -28,11 +29,12 @@ from re3.network.weights import save_weights
 from re3.training.checkpoint import load, save_whole
 from re3.training.distributed import ALONE, Processes
 from re3.training.errors import TrainingError
-from re3.training.loss import LossTerms, loss_terms
+from re3.training.loss import loss_terms
 from re3.training.packed.clips import ClipBatch
 from re3.training.packed.draw import ClipDrawer
+from re3.training.packed.graph import RecordedStep
 from re3.training.packed.recipe import PackedRecipe, Stage
-from re3.training.packed.rollout import DeviceRollout, Renderer, roll_out
+from re3.training.packed.rollout import Renderer, roll_out
 
 CHECKPOINT = "checkpoint.pt"
 LOG = "log.jsonl"
@@ -102,6 +104,8 @@ class PackedTrainer:
         device: to compute on.
         mixed: convolutions and matrix products in bfloat16.
         compiled: backbone and embedding are compiled by torch.
+        recorded: the step is replayed from a CUDA graph. A resumed run then draws other noise than
+            an uninterrupted one.
         workers: processes that draw clips; 0 draws them in this one.
         processes: that train together, each with its share of every batch.
 
@@ -120,12 +124,16 @@ class PackedTrainer:
         device: torch.device,
         mixed: bool = False,
         compiled: bool = False,
+        recorded: bool = False,
         workers: int = 0,
         processes: Processes = ALONE,
     ) -> None:
         self.recipe, self.limit, self.device, self.mixed = recipe, limit, device, mixed
         self.drawer, self.renderer = drawer, renderer
         self.workers, self.processes = workers, processes
+        self.recorded = recorded
+        self._record: RecordedStep | None = None
+        self._names: list[str] = []
         self.folder = Path(folder)
         self.folder.mkdir(parents=True, exist_ok=True)
         self.network = network.to(device).eval()
@@ -193,34 +201,34 @@ class PackedTrainer:
             if progress >= 1.0:
                 break
             if (current := self.recipe.stage_at(progress)) != stage or batches is None:
-                stage = current
+                stage, self._record = current, None
                 batches = iter(self._loader(stage))
             waited = time.monotonic()
             clips = next(batches).to(self.device)
             waited = time.monotonic() - waited
             rate = self._set_rate(progress)
-            terms, rollout = self._step(clips, stage)
+            figures = self._step(clips, stage)
             self.iteration += 1
             self.pairs += stage.batch * (stage.unroll + 1)
-            meter.add(terms, rollout, waited, stage.batch * (stage.unroll + 1))
+            meter.add(self._names, figures, waited, stage.batch * (stage.unroll + 1))
             last = self.iteration == self.limit.iterations
             if self.iteration % REPORT_EVERY == 0 or self.iteration <= 2 or last:
-                figures = meter.end()
-                if not math.isfinite(figures["loss"]):
+                means = meter.end()
+                if not math.isfinite(means["loss"]):
                     raise TrainingError(
-                        f"the loss is {figures['loss']} at iteration {self.iteration}; the last "
+                        f"the loss is {means['loss']} at iteration {self.iteration}; the last "
                         f"checkpoint in {self.folder} is kept: resume from it with a lower "
                         "learning rate"
                     )
-                figures |= {
+                means |= {
                     "iteration": self.iteration,
                     "progress": progress,
                     "unroll": stage.unroll,
                     "learning_rate": rate,
                     "pairs": self.pairs,
                 }
-                meter.write(figures)
-                report(self._progress(progress, figures))
+                meter.write(means)
+                report(self._progress(progress, means))
             now = time.monotonic()
             self.seconds = before + now - started
             if now - saved > checkpoint_seconds:
@@ -255,11 +263,49 @@ class PackedTrainer:
             pin_memory=self.device.type == "cuda",
         )
 
-    def _step(self, clips: ClipBatch, stage: Stage) -> tuple[LossTerms, DeviceRollout]:
-        """Walk the clips and take one step of the optimiser."""
-        generator = torch.Generator(device=self.device)
+    def _step(self, clips: ClipBatch, stage: Stage) -> Tensor:
+        """Walk the clips and take one step of the optimiser; figures by `self._names`."""
+        if self.recorded and self._record is None:
+            self._record = self._recorded(clips, stage)
+        if self._record is not None:
+            figures = self._record(clips)
+        else:
+            self.optimizer.zero_grad(set_to_none=True)
+            figures = self._gradients(clips, stage, self._generator())
+        self._share_gradients()
+        torch.nn.utils.clip_grad_norm_(self._learnt, self.recipe.gradient_norm, foreach=True)
+        self.optimizer.step()
+        decay = min(self.recipe.average, (1 + self.iteration) / (10 + self.iteration))
+        with torch.no_grad():
+            torch._foreach_lerp_(self._averaged, self._learnt, 1 - decay)
+        return figures
+
+    def _recorded(self, clips: ClipBatch, stage: Stage) -> RecordedStep | None:
+        """The step as a CUDA graph; None where it cannot be recorded."""
+        generator = self._generator()
+        learnt = [p for p in self._learnt if isinstance(p, nn.Parameter)]
+        try:
+            return RecordedStep(
+                lambda given: self._gradients(given, stage, generator), clips, learnt, generator
+            )
+        except RuntimeError as error:
+            warnings.warn(
+                f"the training step cannot be recorded as a CUDA graph ({error}); its kernels are "
+                "launched one by one, which is slower",
+                stacklevel=2,
+            )
+            self.recorded = False
+            return None
+
+    def _generator(self) -> torch.Generator:
+        """Of the noise of this iteration, on the device."""
         seed = np.random.SeedSequence([self.recipe.seed, self.iteration, self.processes.rank, 1])
+        generator = torch.Generator(device=self.device)
         generator.manual_seed(int(seed.generate_state(1, np.uint64)[0] >> 1))
+        return generator
+
+    def _gradients(self, clips: ClipBatch, stage: Stage, generator: torch.Generator) -> Tensor:
+        """Leave the gradients of clips in the parameters; figures by `self._names`."""
         own = torch.rand(clips.clips, generator=generator, device=self.device) < stage.own
         with torch.autocast(self.device.type, dtype=torch.bfloat16, enabled=self.mixed):
             rollout = roll_out(
@@ -279,15 +325,15 @@ class PackedTrainer:
             self.recipe.loss,
             self.processes,
         )
-        self.optimizer.zero_grad(set_to_none=True)
         terms.total.backward()
-        self._share_gradients()
-        torch.nn.utils.clip_grad_norm_(self._learnt, self.recipe.gradient_norm, foreach=True)
-        self.optimizer.step()
-        decay = min(self.recipe.average, (1 + self.iteration) / (10 + self.iteration))
-        with torch.no_grad():
-            torch._foreach_lerp_(self._averaged, self._learnt, 1 - decay)
-        return terms, rollout
+        figures = {
+            "loss": terms.total,
+            "mean_overlap": terms.mean_overlap,
+            "recentred": rollout.recentred,
+            **terms.parts,
+        }
+        self._names = list(figures)
+        return torch.stack([value.detach().float() for value in figures.values()])
 
     def _share_gradients(self) -> None:
         """The mean over the processes of their gradients."""
@@ -398,16 +444,10 @@ class _Meter:
         self._count, self._waited, self._pairs = 0, 0.0, 0
         self._started = time.monotonic()
 
-    def add(self, terms: LossTerms, rollout: DeviceRollout, waited: float, pairs: int) -> None:
-        values = {
-            "loss": terms.total,
-            "mean_overlap": terms.mean_overlap,
-            "recentred": rollout.recentred,
-            **terms.parts,
-        }
-        self._names = list(values)
-        stacked = torch.stack([value.detach().float() for value in values.values()])
-        self._sums = stacked if self._sums is None else self._sums + stacked
+    def add(self, names: list[str], figures: Tensor, waited: float, pairs: int) -> None:
+        self._names = names
+        # A copy: a recorded step overwrites its figures.
+        self._sums = figures.clone() if self._sums is None else self._sums + figures
         self._count += 1
         self._waited += waited
         self._pairs += pairs
