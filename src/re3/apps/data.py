@@ -16,6 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.table import Table
 
 from re3.apps.console import INTERRUPTED, failed, stderr
+from re3.apps.data_label import label
 from re3.apps.data_look import show, stats
 from re3.data.formats import FORMATS
 from re3.data.formats.check import Finding, check_dataset
@@ -38,6 +39,8 @@ def _root() -> None:
         re3 data stats mix.yaml --out stats.png
 
         re3 data show mix.yaml --out sheet.png
+
+        re3 data label footage --teacher fear-xs --out tracks
     """
 
 
@@ -136,3 +139,4 @@ def _row(finding: Finding) -> list[str]:
 
 data.command()(stats)
 data.command()(show)
+data.command()(label)
