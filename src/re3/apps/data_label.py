@@ -93,8 +93,8 @@ def label(
     Objects are searched for where something moves, or stands out if nothing
     does. Teacher and second tracker follow each from there to both ends, the
     teacher also back from the last frame. Kept are the stretches in which all
-    three boxes overlap; the box written is their mean. Frames of a stretch
-    without agreement have no box. A run that was stopped goes on with the same
+    three boxes overlap; the box written is their mean, interpolated over up
+    to three frames without agreement. A run that was stopped goes on with the same
     command. With --check, videos are annotated clips, and the start is the
     annotated box in the middle of --longest frames.
 

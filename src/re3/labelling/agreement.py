@@ -123,6 +123,22 @@ def stretches(overlaps: Floats, threshold: float, shortest: int, gap: int) -> li
     return [stretch for stretch in found if stretch.stop - stretch.start >= shortest]
 
 
+def kept_boxes(found: Agreement, stretch: slice, threshold: float) -> Floats:
+    """The boxes `[T, 4]` of a stretch; where the trackers do not agree, interpolated.
+
+    Training reads a frame without a box as one without the object, so that a gap must not stay.
+
+    Args:
+        found: boxes of the whole shot.
+        stretch: one of `stretches`, whose first and last frame have agreement.
+        threshold: least overlap of a frame with agreement.
+    """
+    boxes = found.boxes_xywh[stretch]
+    rows = np.arange(len(boxes))
+    agreed = found.overlaps[stretch] >= threshold
+    return np.stack([np.interp(rows, rows[agreed], side[agreed]) for side in boxes.T], axis=1)
+
+
 def usable(box_xywh: Floats) -> bool:
     """Whether a box is finite and has an area."""
     return bool(np.isfinite(box_xywh).all() and (box_xywh[2:] > 0).all())

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from re3.data.sequence import Sequence
 from re3.evaluation.metrics import overlap
-from re3.labelling.agreement import Agreement, Pair, follow, stretches
+from re3.labelling.agreement import Agreement, Pair, follow, kept_boxes, stretches
 from re3.labelling.config import LabelConfig
 from re3.labelling.shots import ShotReader
 
@@ -44,7 +44,7 @@ class Accuracy:
     Attributes:
         threshold: least agreement.
         tracks: stretches kept.
-        frames: annotated frames that they have, and frames in which the object is absent.
+        frames: of these stretches, interpolated ones as well.
         kept: these as a share of all frames, 0..1.
         above_half, above_seven_tenths: share of the kept frames whose box has an overlap (IoU)
             with the annotation of .5 or more, and of .7 or more.
@@ -100,17 +100,18 @@ def accuracy(checked: Several[CheckedStretch], threshold: float, config: LabelCo
     tracks = total = 0
     for stretch in checked:
         keep = np.zeros(len(stretch.truth_xywh), dtype=bool)
-        agreed = stretch.agreement.overlaps
-        # A threshold of 0 still needs a box.
+        boxes = np.zeros((len(keep), 4))
+        # Without a threshold a frame must still have been reached by all runs.
         reached = ~np.isnan(stretch.agreement.boxes_xywh[:, 0])
-        measure = np.where(reached, agreed, -1.0)
-        for part in stretches(measure, threshold, config.shortest, config.gap):
-            keep[part] = measure[part] >= threshold
+        overlapping = np.where(reached, stretch.agreement.overlaps, -1.0)
+        found = Agreement(stretch.agreement.boxes_xywh, overlapping)
+        for part in stretches(overlapping, threshold, config.shortest, config.gap):
+            keep[part] = True
+            boxes[part] = kept_boxes(found, part, threshold)
             tracks += 1
         keep[stretch.start] = False
         total += len(keep) - 1
-        found = overlap(stretch.agreement.boxes_xywh[keep], stretch.truth_xywh[keep])
-        overlaps.append(found)
+        overlaps.append(overlap(boxes[keep], stretch.truth_xywh[keep]))
     every = np.concatenate(overlaps) if overlaps else np.zeros(0)
     kept = len(every)
     return Accuracy(

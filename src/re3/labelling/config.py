@@ -13,7 +13,8 @@ class LabelConfig:
         threshold: least overlap (IoU) of any two of the three boxes, 0..1.
         shortest: frames of a track at least.
         longest: frames of a track at most.
-        gap: frames in a row without agreement that a track may contain; they have no box.
+        gap: frames in a row without agreement that a track may contain; their boxes
+            are interpolated.
         fps: frames a second; a video with more is thinned out.
         side: longer side of the frames in pixels at most.
         objects: objects of a shot at most.

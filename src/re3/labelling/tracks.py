@@ -9,8 +9,6 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from re3.data import plain
 from re3.data.sequence import Sequence
 from re3.evaluation.result_files import write_whole
@@ -68,10 +66,7 @@ class TrackFolder:
         clips = []
         for number, track in enumerate(tracks):
             clip = f"{name}-{track.first_frame:06d}-{number}"
-            rows = (
-                ",".join("nan" if np.isnan(side) else f"{side:.2f}" for side in box)
-                for box in track.boxes_xywh
-            )
+            rows = (",".join(f"{side:.2f}" for side in box) for box in track.boxes_xywh)
             write_whole(self.path / f"{clip}.txt", "".join(f"{row}\n" for row in rows))
             height, width = track.frames[0].shape[:2]
             with VideoWriter(self.path / f"{clip}.mp4", fps, (width, height)) as video:

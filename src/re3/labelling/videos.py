@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from re3.data.sequence import Sequence
 from re3.evaluation.metrics import overlap
-from re3.labelling.agreement import Agreement, Pair, follow, settled, stretches
+from re3.labelling.agreement import Agreement, Pair, follow, kept_boxes, settled, stretches
 from re3.labelling.config import LabelConfig
 from re3.labelling.regions import Motion, Region, salient_regions
 from re3.labelling.shots import Shot, ShotReader
@@ -34,9 +34,9 @@ class LabelledTrack:
 
     Attributes:
         frames: uint8 `[H, W, 3]` BGR, T of them.
-        boxes_xywh: `[T, 4]`, pixels of these frames; NaN where the trackers do not agree.
+        boxes_xywh: `[T, 4]`, pixels of these frames, interpolated where the trackers do not agree.
         first_frame: index of the first in the video.
-        agreement: mean overlap of the frames with a box, 0..1.
+        agreement: mean overlap of the other frames, 0..1.
     """
 
     frames: Several[NDArray[np.uint8]]
@@ -138,8 +138,8 @@ def kept_tracks(shot: Shot, found: Agreement, config: LabelConfig) -> list[Label
     tracks = []
     for part in stretches(found.overlaps, config.threshold, config.shortest, config.gap):
         agreed = found.overlaps[part] >= config.threshold
-        boxes = np.where(agreed[:, None], found.boxes_xywh[part], np.nan)
-        if np.nanmin(boxes[:, 2:]) >= config.least_side:
+        boxes = kept_boxes(found, part, config.threshold)
+        if boxes[:, 2:].min() >= config.least_side:
             first = int(shot.indices[part.start])
             agreement = float(found.overlaps[part][agreed].mean())
             tracks.append(LabelledTrack(shot.frames[part], boxes, first, agreement))
@@ -150,11 +150,10 @@ def travelled(boxes_xywh: Floats) -> float:
     """Diagonal of the area that a box's centre covers, in units of the box's median size.
 
     Args:
-        boxes_xywh: `[T, 4]`, rows of NaN left out.
+        boxes_xywh: `[T, 4]`.
     """
-    boxes = boxes_xywh[~np.isnan(boxes_xywh[:, 0])]
-    centres = boxes[:, :2] + boxes[:, 2:] / 2
-    size = float(np.sqrt(np.median(boxes[:, 2:].prod(axis=1))))
+    centres = boxes_xywh[:, :2] + boxes_xywh[:, 2:] / 2
+    size = float(np.sqrt(np.median(boxes_xywh[:, 2:].prod(axis=1))))
     return float(np.hypot(*np.ptp(centres, axis=0))) / size
 
 
