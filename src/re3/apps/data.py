@@ -16,6 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.table import Table
 
 from re3.apps.console import INTERRUPTED, failed, stderr
+from re3.apps.data_label import label
 from re3.apps.data_look import show, stats
 from re3.apps.data_pack import pack
 from re3.data.formats import FORMATS
@@ -48,6 +49,8 @@ def _root() -> None:
         re3 data show mix.yaml --out sheet.png
 
         re3 data pack mix.yaml --out packed
+
+        re3 data label footage --teacher fear-xs --out tracks
     """
 
 
@@ -209,3 +212,4 @@ def _row(finding: Finding) -> list[str]:
 data.command()(stats)
 data.command()(show)
 data.command()(pack)
+data.command()(label)
