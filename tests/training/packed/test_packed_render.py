@@ -69,17 +69,17 @@ def test_mirrored_clips_show_mirrored_crops(index, bank, generator):
 def test_boxes_of_simulated_objects_fit_their_pixels(index, bank, generator, bending):
     simulation = replace(ALONE, bent=1.0, bending=bending)
     drawer = ClipDrawer(index, replace(PLAIN, simulated=1.0, simulation=simulation))
-    clips = drawer.draw(8, 6, np.random.default_rng(1))
+    clips = drawer.draw(6, 3, np.random.default_rng(1))
     # The target is green; before a frame of the film, nothing else is.
     image = clips.image.clone()
     image[..., BACKGROUND] = 0
     alone = replace(clips, image=image)
     renderer = Renderer(bank, 127.0)
     whole = torch.cat([torch.zeros_like(clips.size), clips.size], dim=1)
-    for t in range(6):
-        crops = renderer.crops(alone, t, whole, 256, generator)
-        boxes = encode(clips.boxes_xyxy[t], whole) / geometry.REGRESSION_SCALE * 256
-        for row in range(8):
+    for t in range(3):
+        crops = renderer.crops(alone, t, whole, 192, generator)
+        boxes = encode(clips.boxes_xyxy[t], whole) / geometry.REGRESSION_SCALE * 192
+        for row in range(6):
             if boxes[row].isnan().any():
                 continue
             image = crops[row].numpy()
@@ -103,6 +103,31 @@ def test_occluded_objects_are_counted_as_such(index, bank):
     )
     present = ~clips.boxes_xyxy[..., 0].isnan()
     assert (Renderer(bank, 127.0).visible(replace(clips, opaque=none))[present] == 1).all()
+
+
+@pytest.mark.parametrize("way", ["walks", "camera", "behind"])
+def test_objects_leave_the_scene(index, bank, generator, way):
+    simulation = replace(ALONE, leaves=1.0, leaves_by=(way,), bent=0, foreign=1.0)
+    drawer = ClipDrawer(index, replace(PLAIN, simulated=1.0, simulation=simulation))
+    clips = drawer.draw(12, 12, np.random.default_rng(4))
+    absent = clips.boxes_xyxy[..., 0].isnan()
+    assert not absent[0].any()
+    assert absent.any(dim=0).all()  # each of them goes
+    back = absent[:-1] & ~absent[1:]
+    assert 0 < back.any(dim=0).float().mean() < 1  # some of them come back
+    # Nothing of a target is seen in a frame that has no box for it: most of one, at most.
+    renderer = Renderer(bank, 127.0)
+    without = replace(clips, opaque=clips.opaque.clone())
+    without.opaque[:, TARGET] = ABSENT
+    whole = torch.cat([torch.zeros_like(clips.size), clips.size], dim=1)
+    for t in range(12):
+        seen = renderer.crops(clips, t, whole, 64, generator)
+        hidden = renderer.crops(without, t, whole, 64, generator)
+        changed = ((seen - hidden).abs().amax(dim=-1) > 30).float().mean(dim=(1, 2))
+        present = (clips.boxes_xyxy[t, :, 2:] - clips.boxes_xyxy[t, :, :2]).prod(dim=1)
+        share = present / clips.size.prod(dim=1)
+        gone = absent[t]
+        assert (changed[gone] < 0.15 * share.nan_to_num(0.0).max() + 0.02).all()
 
 
 def test_objects_are_there_when_clips_begin(index):

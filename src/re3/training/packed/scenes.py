@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from re3.data.leaving import chance_of_leaving
 from re3.data.simulation_config import SimulationConfig
 from re3.geometry import Floats
 from re3.training.packed.clips import (
@@ -23,6 +24,7 @@ from re3.training.packed.clips import (
     TWIN,
     WHOLE,
 )
+from re3.training.packed.departures import leave
 from re3.training.packed.index import PackedIndex
 
 STRONGEST_BEND = 0.12
@@ -64,7 +66,7 @@ class Scenes:
 
 
 @dataclass(frozen=True, eq=False)
-class _Objects:
+class CutOuts:
     """N cut-outs: image `[N]`, rectangle `[N, 4]`, number and opaque `[N]`, still `[N]`."""
 
     image: NDArray[np.int64]
@@ -135,7 +137,13 @@ class _Draw:
         rng, config, n, t = self.rng, self.config, self.n, self.t
         target = self._objects(self.drawer.stills(n, rng))
         unit = _log_uniform(config.object_pixels, n, rng)
-        foreign = rng.random(n) < config.foreign
+        leaves = rng.random(n) < chance_of_leaving(config.leaves, t)
+        ways = {
+            int(row): config.leaves_by[int(rng.integers(len(config.leaves_by)))]
+            for row in np.flatnonzero(leaves)
+        }
+        # Its own picture shows it a second time: it would stay behind where the object leaves.
+        foreign = (rng.random(n) < config.foreign) | leaves
         backdrop = np.where(foreign, self.drawer.stills(n, rng), target.still)
         self.unit = unit
         picture = self.index.image_sizes[self.index.still_image[backdrop]].astype(np.float64)
@@ -166,7 +174,7 @@ class _Draw:
         self._companion(TWIN, target, middle, rng.random(n) < config.twin)
         self._companion(OTHER, self._neighbour(target), middle, rng.random(n) < config.other)
         self._occluders(target, middle)
-        return Scenes(
+        scenes = Scenes(
             self.image,
             self.to_scene,
             self.rectangle,
@@ -178,16 +186,19 @@ class _Draw:
             boxes,
             self.index.still_source[target.still],
         )
+        if ways:
+            leave(scenes, ways, self.times, self._patches(self._objects(backdrop)), rng)
+        return scenes
 
-    def _objects(self, stills: NDArray[np.int64]) -> _Objects:
+    def _objects(self, stills: NDArray[np.int64]) -> CutOuts:
         """One object of each still."""
         index = self.index
         which = np.floor(self.rng.random(len(stills)) * index.objects[stills]).astype(np.int64)
         return self._cut_out(stills, index.first_object[stills] + which)
 
-    def _cut_out(self, stills: NDArray[np.int64], rows: NDArray[np.int64]) -> _Objects:
+    def _cut_out(self, stills: NDArray[np.int64], rows: NDArray[np.int64]) -> CutOuts:
         number = self.index.object_number[rows]
-        return _Objects(
+        return CutOuts(
             self.index.still_image[stills],
             self.index.object_rectangle[rows],
             number,
@@ -196,7 +207,7 @@ class _Draw:
             rows,
         )
 
-    def _neighbour(self, target: _Objects) -> _Objects:
+    def _neighbour(self, target: CutOuts) -> CutOuts:
         """Another object: half of them from the target's own picture, if that shows several."""
         index, n = self.index, self.n
         own = (self.rng.random(n) < 0.5) & (index.objects[target.still] > 1)
@@ -239,7 +250,7 @@ class _Draw:
     def _place(
         self,
         layer: int,
-        cut: _Objects,
+        cut: CutOuts,
         scale: Floats,
         centres: Floats,
         there: NDArray[np.bool_],
@@ -279,7 +290,7 @@ class _Draw:
         swing = np.sin(2 * np.pi * self.times[..., None, None] / period[:, None] + begun[:, None])
         self.amplitude[:, :, layer] = (reach[:, None] * swing).transpose(1, 0, 2, 3)
 
-    def _boxes(self, target: _Objects) -> Floats:
+    def _boxes(self, target: CutOuts) -> Floats:
         """Boxes `[T, N, 4]` of the targets, bent as they are."""
         outline = self.index.object_outline[target.row]  # [N, P, 2]
         rectangle = target.rectangle
@@ -321,7 +332,7 @@ class _Draw:
         self.opaque[:, BACKGROUND] = WHOLE
 
     def _companion(
-        self, layer: int, cut: _Objects, centres: Floats, there: NDArray[np.bool_]
+        self, layer: int, cut: CutOuts, centres: Floats, there: NDArray[np.bool_]
     ) -> None:
         """Something that moves near the object, behind it; some of them cross its path."""
         rng, n = self.rng, self.n
@@ -355,7 +366,7 @@ class _Draw:
         ago = (self.times - self.times[rows, meeting][:, None])[..., None]
         return aim[:, None] + ago * velocity[:, None]
 
-    def _occluders(self, target: _Objects, centres: Floats) -> None:
+    def _occluders(self, target: CutOuts, centres: Floats) -> None:
         """Patches and objects that pass before the object at some moment of the clip."""
         rng, config, n = self.rng, self.config, self.n
         mean = config.occluders * (1.0 if self.t > 8 else 0.5)
@@ -366,24 +377,30 @@ class _Draw:
             path = self._meeting(centres, (0.02, 0.4), 0.35)
             self._place(TARGET + 1 + place, cut, scale, path, place < count, rigid=True)
 
-    def _occluder(self, target: _Objects) -> _Objects:
+    def _occluder(self, target: CutOuts) -> CutOuts:
         """An object of any picture, or a random patch of the target's own."""
         rng, n = self.rng, self.n
         other = self._objects(self.drawer.stills(n, rng))
-        picture = self.index.image_sizes[target.image].astype(np.float64)
+        patch = self._patches(target)
+        is_object = rng.random(n) < self.config.other_occluders
+        return CutOuts(
+            np.where(is_object, other.image, patch.image),
+            np.where(is_object[:, None], other.rectangle, patch.rectangle),
+            np.where(is_object, other.number, 0),
+            np.where(is_object, other.opaque, patch.opaque),
+            target.still,
+            target.row,
+        )
+
+    def _patches(self, of: CutOuts) -> CutOuts:
+        """Random rectangles and ellipses of the pictures that cut-outs are of."""
+        rng, n = self.rng, self.n
+        picture = self.index.image_sizes[of.image].astype(np.float64)
         side = np.maximum(6.0, picture * rng.uniform(0.1, 0.5, (n, 2)))
         low = rng.uniform(0, 1, (n, 2)) * np.maximum(picture - side, 0.0)
         patch = np.concatenate([low, low + side], axis=1)
         kind = np.where(rng.random(n) < 0.5, RECTANGLE, ELLIPSE)
-        is_object = rng.random(n) < self.config.other_occluders
-        return _Objects(
-            np.where(is_object, other.image, target.image),
-            np.where(is_object[:, None], other.rectangle, patch),
-            np.where(is_object, other.number, 0),
-            np.where(is_object, other.opaque, kind),
-            target.still,
-            target.row,
-        )
+        return CutOuts(of.image, patch, np.zeros(n, dtype=np.int64), kind, of.still, of.row)
 
 
 def _log_uniform(limits: tuple[float, float], count: int, rng: np.random.Generator) -> Floats:
