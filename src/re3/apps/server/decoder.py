@@ -20,6 +20,7 @@ import zlib
 from collections import OrderedDict
 from collections.abc import Iterator
 from contextlib import suppress
+from fractions import Fraction
 from pathlib import Path
 from typing import IO
 
@@ -129,6 +130,11 @@ class Decoder:
             if self._kept(frame).index == index:
                 return frame
         return None
+
+    @property
+    def pixel_aspect(self) -> Fraction:
+        """Width of a pixel divided by its height, as the video is to be shown."""
+        return Fraction(1) if self._source is None else self._source.pixel_aspect
 
     @property
     def end(self) -> int | None:

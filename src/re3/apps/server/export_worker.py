@@ -42,13 +42,19 @@ def write(job: dict[str, Any], answers: IO[bytes]) -> None:
     decoder.open(source, source.is_dir())
     colours = {int(each): tuple(colour) for each, colour in job["colours"].items()}
     told = time.monotonic()
-    with VideoWriter(job["path"], Fraction(*job["fps"]), tuple(job["size"])) as writer:
+    pictures = source.is_dir()
+    aspect = decoder.pixel_aspect
+    with VideoWriter(
+        job["path"], Fraction(*job["fps"]), tuple(job["size"]), pixel_aspect=aspect
+    ) as writer:
         for written, (index, found) in enumerate(job["frames"]):
             frame = decoder.read(index)
             if frame is None:
                 raise SourceError(f"frame {index} cannot be read any more")
             results = [_result(each, index) for each in found]
-            writer.write(draw_results(frame.image, results, colours))
+            # Pictures have no times of their own: those of a camera come at the rate of the job.
+            moment = None if pictures else frame.timestamp
+            writer.write(draw_results(frame.image, results, colours), moment)
             if time.monotonic() - told > TOLD_EVERY:
                 told = time.monotonic()
                 write_message(answers, {"frames": written + 1})
