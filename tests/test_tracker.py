@@ -146,9 +146,18 @@ def test_crops_may_be_cut_about_whole_pixels_and_boxes_decoded_without():
     frame, box = noise(), (40.25, 30.25, 25.0, 21.0)
     tracker.init(frame, box)
     np.testing.assert_allclose(tracker.update(frame).box_xywh, box, atol=1e-4)
-    region = (28, 20, 78, 62)  # of 27.75, 19.75, 77.75, 61.75
+    cut = cv2.resize(frame[20:62, 28:78], (16, 16))  # of 27.75, 19.75, 77.75, 61.75
     for crops in engine.calls[0][:2]:
-        np.testing.assert_array_equal(crops[0], geometry.crop(frame, region, 16, SPEC.fill))
+        np.testing.assert_array_equal(crops[0], cut)
+
+
+def test_edges_near_half_a_pixel_are_rounded_to_their_own_side():
+    engine = Counter(spec=replace(SPEC, current=PREVIOUS, whole_pixels=True))
+    frame = noise()
+    # The region begins at 27.49, 20.51; a grid of 1/8 would put both edges on the half.
+    re3.Tracker(engine=engine).init(frame, (39.99, 30.99, 25.0, 20.96))
+    cut = cv2.resize(frame[21:62, 27:77], (16, 16))
+    np.testing.assert_array_equal(engine.calls[0][0][0], cut)
 
 
 def test_a_description_from_before_these_rules_is_read():

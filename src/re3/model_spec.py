@@ -56,8 +56,9 @@ class ModelSpec:
             pass (Re3, sec. III-C, "Tracking at test time"); 0 never resets.
         look_at_reset: after a reset both crops are cut about the object's box in the current frame
             and passed through the network, and the state after that pass goes on.
-        whole_pixels: crops are cut about regions rounded to whole pixels, while boxes are decoded
-            from the regions as they are.
+        whole_pixels: crops are cut about regions rounded to whole pixels and resized without
+            averaging (`re3.whole_pixel_crop`), while boxes are decoded from the regions as they
+            are.
         regression_scale: see `re3.geometry.REGRESSION_SCALE`.
     """
 

@@ -31,6 +31,7 @@ from re3.motion import STILL, Step, camera_motion, thumbnail
 from re3.result import Result, Status
 from re3.search import PATCH_INTERVAL, PLACES, alike, cut_patch, places
 from re3.track_memory import Track
+from re3.whole_pixel_crop import whole_pixel_crop
 
 Value = TypeVar("Value", bound=np.generic)
 
@@ -210,7 +211,7 @@ class MultiTracker:
         """What each look finds; all in one network call."""
         spec = self._engine.spec
         boxes = np.stack([look.box_xyxy for look in looks])
-        regions = geometry.snap(geometry.search_region(boxes, spec.current.context))
+        regions = self._regions(boxes, spec.current)
         output = self._engine.step(
             _stacked([look.track.previous_crop for look in looks]),
             self._cut(image, regions, spec.current),
@@ -326,7 +327,7 @@ class MultiTracker:
     ) -> State:
         """The state after a pass with both crops about a box in the same frame."""
         spec = self._engine.spec
-        region = geometry.snap(geometry.search_region(box_xyxy, spec.current.context))
+        region = self._regions(box_xyxy, spec.current)
         output = self._engine.step(
             _stacked([previous_crop]),
             self._cut(image, region[None], spec.current),
@@ -383,8 +384,15 @@ class MultiTracker:
         spec = self._engine.spec
         if spec.previous is None:
             return None
-        region = geometry.snap(geometry.search_region(box_xyxy, spec.previous.context))
+        region = self._regions(box_xyxy, spec.previous)
         return self._cut(image, region[None], spec.previous)[0]
+
+    def _regions(self, boxes_xyxy: Floats, view: CropSpec) -> Floats:
+        """The regions `[..., 4]` that crops about boxes show, and that boxes are decoded from."""
+        regions = geometry.search_region(boxes_xyxy, view.context)
+        # Whole pixels need no grid against rounding errors, and one would move edges near half a
+        # pixel to the other side.
+        return regions if self._engine.spec.whole_pixels else geometry.snap(regions)
 
     def _cut(
         self, image: NDArray[np.uint8], regions_xyxy: Floats, view: CropSpec
@@ -398,11 +406,10 @@ class MultiTracker:
             `[N, S, S, 3]`.
         """
         spec = self._engine.spec
-        if spec.whole_pixels:
-            regions_xyxy = np.round(regions_xyxy)
+        crop = whole_pixel_crop if spec.whole_pixels else geometry.crop
 
         def cut(region_xyxy: Floats) -> NDArray[np.uint8]:
-            return geometry.crop(image, region_xyxy, view.size, spec.fill)
+            return crop(image, region_xyxy, view.size, spec.fill)
 
         if self._threads == 1 or len(regions_xyxy) <= self._threads:
             return _batch([cut(region) for region in regions_xyxy])

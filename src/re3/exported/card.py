@@ -7,6 +7,12 @@ from typing import Any
 from re3.geometry import SMALLEST_SIDE
 from re3.model_spec import CropSpec, ModelSpec
 
+WHOLE_PIXEL_SAMPLING = (
+    "the part of the region inside the frame is resized, linear without averaging, to its share "
+    "of the crop: S * inside / extent, rounded half to even, 1 or more; columns and rows of fill "
+    "before it: S * -left / extent, rounded down"
+)
+
 
 def make_card(spec: ModelSpec, file: str, **about: object) -> dict[str, Any]:
     """The card of a file.
@@ -29,8 +35,14 @@ def make_card(spec: ModelSpec, file: str, **about: object) -> dict[str, Any]:
             "region": "centre of the object's box in the frame before; `context` times the box's "
             f"width and height, of which each counts as {SMALLEST_SIDE:g} pixel at least; its "
             "corners fall on the crop's, so that the aspect ratio is not kept"
-            + ("; rounded to whole pixels for cutting" if spec.whole_pixels else ""),
-            "sampling": "linear; a region larger than the crop is averaged, not skipped over",
+            + (
+                "; rounded to whole pixels for cutting, not for decoding"
+                if spec.whole_pixels
+                else ""
+            ),
+            "sampling": WHOLE_PIXEL_SAMPLING
+            if spec.whole_pixels
+            else "linear; a region larger than the crop is averaged, not skipped over",
         },
         "box": {
             "regression_scale": spec.regression_scale,

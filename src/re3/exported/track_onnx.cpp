@@ -33,8 +33,9 @@ double number(const std::string& json, const char* key, const char* inner = "") 
   return std::atof(json.c_str() + json.find_first_of("0123456789", at));
 }
 
-Box region(const Box& box, View view) {
+Box region(const Box& box, View view, bool whole) {
   double w = std::max(box[2], 1.0) * view.context, h = std::max(box[3], 1.0) * view.context;
+  if (whole) return {box[0] + box[2] / 2 - w / 2, box[1] + box[3] / 2 - h / 2, w, h};
   // On a grid of powers of two rounding errors do not grow from frame to frame.
   double grid = std::exp2(std::floor(std::log2(std::min(w, h) / 256)));
   auto snap = [&](double value) { return std::nearbyint(value / grid) * grid; };
@@ -61,17 +62,30 @@ std::vector<std::vector<Tap>> weights(double low, double extent, int size, int p
   return table;
 }
 
+// The same of a side rounded to whole pixels: what is inside is resized, the rest left out.
+std::vector<std::vector<Tap>> whole_pixel_weights(double left, double extent, int size, int pixels) {
+  std::vector<std::vector<Tap>> table(size);
+  long low = std::lrint(left), high = std::lrint(left + extent);
+  long start = std::clamp(low, 0L, (long)pixels), stop = std::clamp(high, 0L, (long)pixels);
+  if (start >= stop) return table;
+  long count = std::max(std::lrint(double(size) * (stop - start) / (high - low)), 1L);
+  long first = std::max(-low, 0L) * size / (high - low);
+  for (long i = 0; i < count; ++i) {
+    double place = start + (i + 0.5) * (stop - start) / count - 0.5;
+    long near = (long)std::floor(place);
+    table[first + i].push_back({(int)std::clamp(near, start, stop - 1), 1 - (place - near)});
+    table[first + i].push_back({(int)std::clamp(near + 1, start, stop - 1), place - near});
+  }
+  return table;
+}
+
 // [S, S, 3]; what lies outside the frame has the colour `fill`.
 std::vector<uint8_t> crop(const Frame& frame, const Box& box, View view, const Spec& spec) {
-  Box r = region(box, view);
+  Box r = region(box, view, spec.whole);
   double fill = spec.fill;
-  if (spec.whole) {
-    double right = std::nearbyint(r[0] + r[2]), bottom = std::nearbyint(r[1] + r[3]);
-    double left = std::nearbyint(r[0]), top = std::nearbyint(r[1]);
-    r = {left, top, right - left, bottom - top};
-  }
-  auto down = weights(r[1], r[3], view.size, frame.height);
-  auto across = weights(r[0], r[2], view.size, frame.width);
+  auto table = spec.whole ? whole_pixel_weights : weights;
+  auto down = table(r[1], r[3], view.size, frame.height);
+  auto across = table(r[0], r[2], view.size, frame.width);
   size_t line = size_t(frame.width) * 3;
   std::vector<double> row(line);
   std::vector<uint8_t> out;
@@ -130,7 +144,7 @@ Box step(Ort::Session& net, const Spec& spec, const Frame& frame, const Frame& p
   }
   state = after;
   const float* c = found[0].GetTensorData<float>();
-  Box r = region(box, spec.current);
+  Box r = region(box, spec.current, spec.whole);
   double across = r[2] / spec.scale, down = r[3] / spec.scale;  // a unit of the corners in pixels
   double w = std::max((c[2] - c[0]) * across, 1.0), h = std::max((c[3] - c[1]) * down, 1.0);
   double x = std::clamp(r[0] + (c[0] + c[2]) / 2 * across, 0.0, (double)frame.width);

@@ -14,6 +14,8 @@ import onnxruntime
 def region(box, view):
     """Left, top, width and height of what the crop shows: the box's surroundings."""
     size = np.maximum(box[2:], 1) * view["context"]
+    if spec["whole_pixels"]:
+        return np.concatenate([box[:2] + box[2:] / 2 - size / 2, size])
     grid = 2.0 ** np.floor(np.log2(size.min() / 256))  # on it rounding errors do not grow
     low, high = (
         np.rint((box[:2] + box[2:] / 2 + side * size / 2) / grid) * grid for side in (-1, 1)
@@ -34,15 +36,29 @@ def weights(low, extent, size, pixels):
     return table
 
 
+def whole_pixel_weights(low, extent, size, pixels):
+    """The same of a side rounded to whole pixels: what is inside resized, the rest left out."""
+    high = round(low + extent)
+    low = round(low)
+    start, stop = (min(max(end, 0), pixels) for end in (low, high))
+    table = np.zeros((size, pixels))
+    if start < stop:
+        count = max(round(size * (stop - start) / (high - low)), 1)
+        row = np.arange(count)
+        place = start + (row + 0.5) * (stop - start) / count - 0.5
+        near = np.floor(place).astype(int)
+        row += max(-low, 0) * size // (high - low)
+        table[row, np.clip(near, start, stop - 1)] += 1 - (place - near)
+        table[row, np.clip(near + 1, start, stop - 1)] += place - near
+    return table
+
+
 def crop(frame, box, view):
     """uint8 [1, S, S, 3]; what lies outside the frame has the colour `fill`."""
     left, top, width, height = region(box, view)
-    if spec["whole_pixels"]:
-        right, bottom = np.rint([left + width, top + height])
-        left, top = np.rint([left, top])
-        width, height = right - left, bottom - top
-    rows = np.tensordot(weights(top, height, view["size"], len(frame)), frame - fill, 1)
-    cells = np.tensordot(weights(left, width, view["size"], frame.shape[1]), rows, (1, 1))
+    table = whole_pixel_weights if spec["whole_pixels"] else weights
+    rows = np.tensordot(table(top, height, view["size"], len(frame)), frame - fill, 1)
+    cells = np.tensordot(table(left, width, view["size"], frame.shape[1]), rows, (1, 1))
     # Half way between two values, rounding errors are not to decide.
     return np.floor(cells.transpose(1, 0, 2) + fill + 0.500001).astype(np.uint8)[None]
 

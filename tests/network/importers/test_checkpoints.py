@@ -1,15 +1,16 @@
 """The authors' PyTorch checkpoints: layout, arithmetic and the conventions they track by."""
 
 from dataclasses import replace
-from itertools import pairwise
+from functools import partial
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 import torch
 from typer.testing import CliRunner
 from weight_files import (
+    drift,
+    follow,
     large_shapes,
     large_step,
     random_arrays,
@@ -30,9 +31,14 @@ from re3.network.weights import load_network
 from re3.video import open_source
 
 CLIP = Path(__file__).parents[3] / "examples" / "clips" / "person.mp4"
-PICTURE = (31.3, 20.6, 80.0, 130.0)
+BOXES = {
+    "over the top left corner": (31.3, 20.6, 80.0, 130.0),
+    "larger than the frame": (150.2, 60.1, 500.5, 330.7),
+}
+"""xywh; the crops of both reach over the border of the frame."""
+
 FULLY_CONNECTED, UNITS = 24, 16
-RESET = 3
+RESET = 32
 
 
 @pytest.fixture
@@ -47,6 +53,7 @@ CASES = {
     "large": (large_shapes, large_step, "re3-authors"),
     "small": (small_shapes, small_step, "re3-authors-small"),
 }
+LAST = {"re3-authors": "fc_output_out.bias", "re3-authors-small": "fc_output.2.bias"}
 
 
 @pytest.fixture(params=CASES)
@@ -95,58 +102,40 @@ def test_a_step_is_that_of_the_files_arrays(tmp_path, case, old_form):
         assert score.isnan().all()
 
 
-def follow(arrays, step, frames, box_xywh):
-    """The authors' conventions, step by step; boxes_xyxy of all frames after the first."""
-
-    def region_of(box):
-        return geometry.snap(geometry.search_region(box, 2.0))
-
-    def cut(image, region):
-        left, top, right, bottom = np.round(region).astype(int)
-        black = np.zeros((bottom - top, right - left, 3), np.uint8)
-        height, width = image.shape[:2]
-        x0, y0, x1, y1 = max(left, 0), max(top, 0), min(right, width), min(bottom, height)
-        black[y0 - top : y1 - top, x0 - left : x1 - left] = image[y0:y1, x0:x1]
-        return cv2.resize(black, (227, 227))[None]
-
-    box = geometry.convert(box_xywh, "xywh", "xyxy")
-    crop = cut(frames[0], region_of(box))
-    _, first = step(arrays, crop, crop, (np.zeros((1, UNITS), np.float32),) * 4)
-    state, boxes = first, []
-    for index, (before, image) in enumerate(pairwise(frames), start=1):
-        region = region_of(box)
-        corners, state = step(arrays, cut(before, region), cut(image, region), state)
-        low, size = region[:2], region[2:] - region[:2]
-        box = np.concatenate([low, low]) + corners[0] / 10 * np.concatenate([size, size])
-        boxes.append(box)
-        if index % RESET == 0:
-            crop = cut(image, region_of(box))
-            _, state = step(arrays, crop, crop, first)
-    return np.array(boxes)
+@pytest.fixture(scope="module")
+def frames():
+    with open_source(CLIP) as source:
+        return [frame.image for frame, _ in zip(source, range(66), strict=False)]
 
 
-def test_the_imported_file_tracks_by_the_authors_conventions(tmp_path, case):
+@pytest.mark.parametrize("box", BOXES.values(), ids=BOXES)
+def test_the_imported_file_tracks_by_the_authors_conventions(tmp_path, case, frames, box):
     arrays, step, variant = case
+    corners = geometry.convert(box, "xywh", "xyxy")
+    zeros = (np.zeros((1, UNITS), np.float32),) * 4
+    arrays[LAST[variant]] += drift(partial(step, arrays), zeros, frames, corners)
+    boxes = follow(partial(step, arrays), zeros, frames, corners, RESET)
     save_torch(arrays, tmp_path / "checkpoint.pth")
     command = ["weights", "import", tmp_path / "checkpoint.pth", "--out", tmp_path, "--no-half"]
     result = CliRunner().invoke(app, [str(word) for word in command])
     assert result.exit_code == 0, result.output
-    with open_source(CLIP) as source:
-        frames = [frame.image for frame, _ in zip(source, range(8), strict=False)]
-    expected = geometry.convert(follow(arrays, step, frames, PICTURE), "xyxy", "xywh")
+    expected = geometry.convert(boxes, "xyxy", "xywh")
     engine = load_engine(str(tmp_path / f"{variant}.onnx"))
-    np.testing.assert_allclose(track(engine, frames), expected, atol=0.02)
+    assert len(expected) == 65
+    np.testing.assert_allclose(track(engine, frames, box), expected, atol=0.01, rtol=0)
     assert np.ptp(expected, axis=0).min() > 0.5  # there was something to follow
+    if box != BOXES["over the top left corner"]:
+        return
     # Every convention shows in the boxes.
     for change in ({"look_at_reset": False}, {"whole_pixels": False}, {"fill": (127.0,) * 3}):
         other = load_engine(str(tmp_path / f"{variant}.onnx"))
         other.spec = replace(other.spec, **change)
-        assert np.abs(track(other, frames) - expected).max() > 0.1, change
+        assert np.abs(track(other, frames, box) - expected).max() > 0.1, change
 
 
-def track(engine, frames):
+def track(engine, frames, box):
     tracker = re3.Tracker(engine=engine)
-    tracker.init(frames[0], PICTURE)
+    tracker.init(frames[0], box)
     return np.array([tracker.update(frame).box_xywh for frame in frames[1:]])
 
 

@@ -1,4 +1,4 @@
-"""Files in other programs' layouts with random weights, and what those weights compute.
+"""Files in other programs' layouts with random weights, what those compute, and how they track.
 
 The computations use the file's arrays and nothing of re3.
 """
@@ -6,7 +6,9 @@ The computations use the file's arrays and nothing of re3.
 from __future__ import annotations
 
 import struct
+from itertools import pairwise
 
+import cv2
 import numpy as np
 import torch
 from torch.nn import functional as F
@@ -218,6 +220,60 @@ def small_step(w, previous, current, state):
     second = small_cell(w, "lstm2", np.concatenate([features, first[0]], axis=1), *state[2:])
     readout = elu(linear(second[0], w, "fc_output.0"))
     return linear(readout, w, "fc_output.2"), (*first, *second)
+
+
+def cut_out(image, region):
+    """The crop of a region, and nothing but black where it reaches over the frame's border."""
+    left, top, right, bottom = (int(value) for value in np.round(region))
+    height, width = image.shape[:2]
+    seen = image[max(top, 0) : min(bottom, height), max(left, 0) : min(right, width)]
+    if seen.size == 0:
+        return np.zeros((1, 227, 227, 3), np.uint8)
+    rows = max(1, int(np.round(227 * seen.shape[0] / (bottom - top))))
+    columns = max(1, int(np.round(227 * seen.shape[1] / (right - left))))
+    above = int(max(0, -top * 227 / (bottom - top)))
+    before = int(max(0, -left * 227 / (right - left)))
+    around = ((above, 227 - above - rows), (before, 227 - before - columns), (0, 0))
+    return np.pad(cv2.resize(seen, (columns, rows)), around)[None]
+
+
+def around(box):
+    """The region about a box_xyxy: twice as wide and high."""
+    x1, y1, x2, y2 = box
+    x, y, w, h = (x1 + x2) / 2, (y1 + y2) / 2, x2 - x1, y2 - y1
+    return np.array([x - w, y - h, x + w, y + h])
+
+
+def drift(step, zeros, frames, box_xyxy):
+    """What to add to corners, so that the box of random weights stays about where it is."""
+    state, seen = zeros, []
+    for image in frames[:12]:
+        crop = cut_out(image, around(box_xyxy))
+        corners, state = step(crop, crop, state)
+        seen.append(corners[0])
+    return np.float32([2.5, 2.5, 7.5, 7.5]) - np.mean(seen[4:], axis=0)
+
+
+def follow(step, zeros, frames, box_xyxy, interval):
+    """The authors' tracker, step by step: boxes_xyxy of all frames after the first.
+
+    `step` takes the crops of the previous and the current frame and a state, and gives corners and
+    the next state.
+    """
+    box = np.asarray(box_xyxy, dtype=np.float64)
+    crop = cut_out(frames[0], around(box))
+    _, first = step(crop, crop, zeros)
+    state, boxes = first, []
+    for index, (before, image) in enumerate(pairwise(frames), start=1):
+        left, top, right, bottom = region = around(box)
+        corners, state = step(cut_out(before, region), cut_out(image, region), state)
+        unit = np.array([right - left, bottom - top] * 2)
+        box = corners[0].astype(np.float64) / 10 * unit + [left, top, left, top]
+        boxes.append(box)
+        if index % interval == 0:
+            crop = cut_out(image, around(box))
+            _, state = step(crop, crop, first)
+    return np.array(boxes)
 
 
 def varint(number):
