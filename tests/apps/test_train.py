@@ -120,7 +120,8 @@ def run(*arguments):
 
 
 def test_help_names_the_recipes():
-    assert f"{', '.join(RECIPES)}, or a .yaml file" in run("--help").output
+    words = " ".join(run("--help").output.replace("│", " ").split())
+    assert f"{', '.join(RECIPES)}, with --packed gpu, or a .yaml file" in words
 
 
 @pytest.mark.parametrize(

@@ -250,10 +250,24 @@ def test_a_weight_of_0_is_no_source_of_a_sampler(tmp_path):
 PAGE = (Path(__file__).parents[2] / "docs" / "training.md").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("block", re.findall(r"```yaml\n(.*?)```", PAGE, flags=re.DOTALL))
+BLOCKS = re.findall(r"```yaml\n(.*?)```", PAGE, flags=re.DOTALL)
+
+
+@pytest.mark.parametrize("block", [block for block in BLOCKS if "sources:" in block])
 def test_the_mixes_of_the_docs_can_be_read(tmp_path, block):
     for path in re.findall(r"path: ([\w./-]+)", block):
         (tmp_path / path).mkdir(parents=True)
     mix = read_mix(write(tmp_path, block))
     if "photometric" in block:  # the page says that these are the defaults
         assert mix.sampling == SamplingConfig()
+
+
+def test_the_papers_sampling(tmp_path):
+    (tmp_path / "films").mkdir()
+    (tmp_path / "mix.yaml").write_text(
+        "sources: [{path: films, kind: videos}]\nsampling: paper\nphotometric: {grey: 0.5}\n"
+    )
+    sampling = read_mix(tmp_path / "mix.yaml").sampling
+    assert (sampling.leaps, sampling.reversed, sampling.strides) == (0.0, 0.0, (1,))
+    assert sampling.simulation == PAPER_SIMULATION
+    assert sampling.photometric.grey == 0.5

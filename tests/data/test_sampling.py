@@ -132,3 +132,12 @@ def test_nothing_to_draw_from_is_refused(video, tmp_path):
     tiny = track(video, boxes_xywh=np.tile([5.0, 5.0, 2.0, 2.0], (30, 1)))
     with pytest.raises(ValueError, match="nothing to train on: of 1 tracks none"):
         ClipSampler([tiny], [], FrameStore(tmp_path / "store"))
+
+
+def test_what_is_outside_the_frame_may_be_another_colour(video, tmp_path):
+    sampler = ClipSampler([track(video)], [], FrameStore(tmp_path / "s"), PLAIN)
+    black = sampler.with_fill((0.0, 0.0, 0.0))
+    assert black.config.simulation.fill == (0.0, 0.0, 0.0)
+    assert sampler.config.fill == (127.0, 127.0, 127.0)
+    clip = black.sample(2, np.random.default_rng(0))
+    assert clip.crop(0, (-300.0, -300.0, -200.0, -200.0), 32).max() < 40

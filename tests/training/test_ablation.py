@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from re3.data.frame_store import FrameStore
+from re3.data.photometric_config import NO_EFFECTS
 from re3.data.sampling import ClipSampler
 from re3.data.sequence import Sequence
+from re3.data.simulation_config import PAPER_SIMULATION
 from re3.data.stills import Still
 from re3.network.table_one import VARIANTS
 from re3.training.ablation import (
@@ -85,14 +87,22 @@ def test_sources_that_cannot_be_are_told(tracks, large, other, told):
     ],
 )
 def test_what_a_variant_is_trained_on(tmp_path, letter, datasets, simulated):
-    found = variant_sampler(VARIANTS[letter], sampler(tmp_path), "vid", "alov")
+    found = variant_sampler(VARIANTS[letter], sampler(tmp_path), "vid", "alov", "lite")
     assert {sequence.dataset for sequence in found.sequences} == datasets
     assert found.simulated == (0.6 if simulated else 0.0)
     assert found.config.leaps == 0.0
 
 
+def test_the_papers_scale_draws_what_the_paper_describes(tmp_path):
+    found = variant_sampler(VARIANTS["K"], sampler(tmp_path), "vid", "alov", "paper")
+    config = found.config
+    assert (config.leaps, config.reversed, config.strides) == (0.0, 0.0, (1,))
+    assert config.photometric == NO_EFFECTS
+    assert config.simulation == PAPER_SIMULATION
+
+
 def test_a_source_may_be_several_datasets(tmp_path):
-    found = variant_sampler(VARIANTS["I"], sampler(tmp_path), "vid,alov", "small")
+    found = variant_sampler(VARIANTS["I"], sampler(tmp_path), "vid,alov", "small", "lite")
     assert {sequence.dataset for sequence in found.sequences} == {"small"}
 
 
@@ -106,7 +116,7 @@ def test_a_source_may_be_several_datasets(tmp_path):
 )
 def test_a_variant_without_its_data_is_told(tmp_path, letter, tracks, stills, other, told):
     with pytest.raises(ValueError, match=told):
-        variant_sampler(VARIANTS[letter], sampler(tmp_path, tracks, stills), "vid", other)
+        variant_sampler(VARIANTS[letter], sampler(tmp_path, tracks, stills), "vid", other, "lite")
 
 
 @pytest.mark.parametrize("scale", RECIPES)

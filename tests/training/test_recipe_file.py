@@ -1,9 +1,17 @@
+import re
 from dataclasses import asdict, replace
+from pathlib import Path
 
 import pytest
 
 from re3.training.recipe import FROZEN_TRUNK, PAPER, RECIPES, CropNoise, Phase, PlateauRule
-from re3.training.recipe_file import differences, find_recipe, read_recipe, recipe_yaml
+from re3.training.recipe_file import (
+    differences,
+    find_packed_recipe,
+    find_recipe,
+    read_recipe,
+    recipe_yaml,
+)
 
 
 @pytest.fixture
@@ -101,3 +109,16 @@ def test_differences_name_the_fields():
     assert [line.partition(" ")[0] for line in told] == ["passes", "noise"]
     assert told[0] == "passes 1 -> 2"
     assert differences(asdict(PAPER), asdict(PAPER)) == []
+
+
+def test_the_packed_recipe_of_the_docs_can_be_read(tmp_path):
+    page = Path(__file__).parents[2] / "docs" / "training.md"
+    (block,) = [
+        text
+        for text in re.findall(r"```yaml\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+        if "stages:" in text
+    ]
+    (tmp_path / "recipe.yaml").write_text(block)
+    recipe = find_packed_recipe(str(tmp_path / "recipe.yaml"))
+    assert [stage.unroll for stage in recipe.stages] == [4, 8]
+    assert recipe.noise == find_packed_recipe("gpu").noise

@@ -152,7 +152,9 @@ class Study:
     def sampler(self, variant: Variant) -> ClipSampler:
         """What a variant is trained on; raises as `variant_sampler` does."""
         assert self.data is not None, "a study without data cannot be trained"
-        return variant_sampler(variant, self.data, self.asked.large, self.asked.other)
+        return variant_sampler(
+            variant, self.data, self.asked.large, self.asked.other, self.asked.scale
+        )
 
     def trained(self, variant: Variant) -> dict[str, Any] | None:
         """What is noted of a variant's training; None if it is not over."""

@@ -90,7 +90,7 @@ def train_packed(run: PackedRun, network: Re3Lite) -> None:
     torch.set_num_threads(run.threads)
     console = stderr()
     console.quiet = not processes.first
-    drawer, renderer = _data(run, device.torch, console)
+    drawer, renderer = _data(run, network.spec().fill[0], device.torch, console)
     trainer = PackedTrainer(
         network,
         drawer,
@@ -122,7 +122,9 @@ def train_packed(run: PackedRun, network: Re3Lite) -> None:
     leave_processes(processes)
 
 
-def _data(run: PackedRun, device: object, console: Console) -> tuple[ClipDrawer, Renderer]:
+def _data(
+    run: PackedRun, fill: float, device: object, console: Console
+) -> tuple[ClipDrawer, Renderer]:
     """The clips and pictures of the shards, the pictures on the device."""
     import torch
 
@@ -156,7 +158,7 @@ def _data(run: PackedRun, device: object, console: Console) -> tuple[ClipDrawer,
         f"{bank.gigabytes():.1f} GB of pictures on {device}",
         markup=False,
     )
-    return ClipDrawer(index, config), Renderer(bank, config.fill[0], run.compiled)
+    return ClipDrawer(index, config), Renderer(bank, fill, run.compiled)
 
 
 def _validate(run: PackedRun, trainer: PackedTrainer, what: str, console: Console) -> float | None:

@@ -14,6 +14,9 @@ drawn from them.
     photometric: {grey: 0.1}
     simulation: {occluders: 1.5}  # or: paper
 
+`sampling: paper` stands for what the paper describes: no temporal gaps, reversal, strides or camera
+effects, and its simulation.
+
 Everything but `sources` may be left out; see `docs/training.md`.
 """
 
@@ -34,7 +37,7 @@ from re3.data.formats.files import dataset_name
 from re3.data.frame_store import FrameStore
 from re3.data.photometric_config import PhotometricConfig
 from re3.data.sampling import ClipSampler, Source
-from re3.data.sampling_config import SamplingConfig
+from re3.data.sampling_config import PAPER_SAMPLING, SamplingConfig
 from re3.data.sequence import Sequence
 from re3.data.simulation_config import PAPER_SIMULATION, SimulationConfig
 from re3.data.still_formats import read_stills
@@ -42,7 +45,7 @@ from re3.data.stills import SMALLEST_SHARE, Still
 
 SUFFIXES = (".yaml", ".yml")
 PAPER = "paper"
-"""Stands for the simulation as the paper describes it."""
+"""Stands for sampling, or the simulation alone, as the paper describes it."""
 
 T = TypeVar("T")
 
@@ -111,8 +114,11 @@ def read_mix(path: str | Path) -> Mix:
     used = {source.kind for source in sources if source.weight > 0}
     if not used:
         raise ValueError(f"{path}: all sources have weight 0; expected one above 0")
-    sampling = _configuration(
-        SamplingConfig, section.get("sampling") or {}, f"{path}: sampling", without=_NESTED
+    asked = section.get("sampling") or {}
+    sampling = (
+        PAPER_SAMPLING
+        if asked == PAPER
+        else _configuration(SamplingConfig, asked, f"{path}: sampling", without=_NESTED)
     )
     simulated = section.get("simulated", sampling.simulated if len(used) == 2 else None)
     if simulated is not None:
@@ -129,10 +135,16 @@ def read_mix(path: str | Path) -> Mix:
         sources,
         replace(
             sampling,
-            photometric=_configuration(
-                PhotometricConfig, section.get("photometric") or {}, f"{path}: photometric"
+            photometric=(
+                _configuration(PhotometricConfig, section["photometric"], f"{path}: photometric")
+                if section.get("photometric")
+                else sampling.photometric
             ),
-            simulation=_simulation(section.get("simulation") or {}, f"{path}: simulation"),
+            simulation=(
+                _simulation(section["simulation"], f"{path}: simulation")
+                if section.get("simulation")
+                else sampling.simulation
+            ),
         ),
     )
 

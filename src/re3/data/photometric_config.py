@@ -41,3 +41,9 @@ class PhotometricConfig:
     def __post_init__(self) -> None:
         check_at_least_zero(self, ("gain", "offset", "tint", "waver", "weather"))
         check_probabilities(self, ("grey", "blur", "motion_blur", "noise", "jpeg", "small"))
+
+
+NO_EFFECTS = PhotometricConfig(
+    gain=0, offset=0, tint=0, waver=0, weather=0, grey=0, blur=0, motion_blur=0, noise=0, jpeg=0
+)
+"""Crops as they are."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence as Several
 from dataclasses import dataclass, field, replace
 from threading import Lock
@@ -92,6 +93,12 @@ class ClipSampler:
         sampler = cls.__new__(cls)
         sampler._set_up(sources, store, config)
         return sampler
+
+    def with_fill(self, fill: tuple[float, float, float]) -> ClipSampler:
+        """A sampler of the same sources with this BGR colour outside frames and scenes."""
+        other = copy.copy(self)
+        other.config = self.config.with_fill(fill)
+        return other
 
     def _set_up(
         self, sources: Several[Source], store: FrameStore, config: SamplingConfig | None

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from re3.data.checks import check_at_least_zero, check_colour, check_probabilities, check_ranges
-from re3.data.photometric_config import PhotometricConfig
-from re3.data.simulation_config import SimulationConfig
+from re3.data.photometric_config import NO_EFFECTS, PhotometricConfig
+from re3.data.simulation_config import PAPER_SIMULATION, SimulationConfig
 
 
 @dataclass(frozen=True)
@@ -54,3 +54,18 @@ class SamplingConfig:
         if not self.smallest >= 0:
             raise ValueError(f"smallest is {self.smallest}; expected pixels, 0 or more")
         check_colour(self, "fill")
+
+    def with_fill(self, fill: tuple[float, float, float]) -> SamplingConfig:
+        """The same with this BGR colour outside frames and simulated scenes."""
+        return replace(self, fill=fill, simulation=replace(self.simulation, fill=fill))
+
+
+PAPER_SAMPLING = SamplingConfig(
+    reversed=0.0,
+    leaps=0.0,
+    strides=(1,),
+    simulation=PAPER_SIMULATION,
+    photometric=NO_EFFECTS,
+)
+"""What the paper describes (sec. III-C): consecutive frames in their order, mirrored or not, no
+change of colours, and its simulation."""

@@ -6,13 +6,13 @@ from collections.abc import Sequence as Several
 from dataclasses import replace
 
 from re3.data.sampling import ClipSampler
-from re3.data.sampling_config import SamplingConfig
+from re3.data.sampling_config import PAPER_SAMPLING, SamplingConfig
 from re3.data.sequence import Sequence
 from re3.network.table_one import Variant
 from re3.training.recipe import FROZEN_TRUNK, PAPER, Phase, Recipe
 
-SAMPLING = SamplingConfig(leaps=0.0)
-"""The paper's clips do not leap."""
+SAMPLING = {"paper": PAPER_SAMPLING, "lite": SamplingConfig(leaps=0.0)}
+"""Name of the scale -> how clips are drawn. The paper's have no temporal gaps."""
 
 RECIPES = {
     "paper": replace(PAPER, plateau=None),
@@ -103,11 +103,14 @@ def _names(source: str | None) -> list[str]:
     return [name.strip() for name in (source or "").split(",") if name.strip()]
 
 
-def variant_sampler(variant: Variant, data: ClipSampler, large: str, other: str) -> ClipSampler:
+def variant_sampler(
+    variant: Variant, data: ClipSampler, large: str, other: str, scale: str
+) -> ClipSampler:
     """What a variant is trained on.
 
     Args:
         variant: of Table I.
+        scale: `lite` or `paper`.
         data: everything there is.
         large, other: as `chosen_sources` gives them.
 
@@ -133,4 +136,4 @@ def variant_sampler(variant: Variant, data: ClipSampler, large: str, other: str)
             f"variant {variant.letter} ({variant.about}) needs {missing}; give --data with some, "
             "or leave it out with --variants"
         )
-    return ClipSampler(sequences, stills, data.store, SAMPLING)
+    return ClipSampler(sequences, stills, data.store, SAMPLING[scale])

@@ -54,7 +54,8 @@ class Trainer:
 
     Args:
         network: trained in place.
-        sampler: of the clips.
+        sampler: of the clips; outside of frames they show the colour that the network's tracker
+            shows there.
         recipe: curriculum and optimiser.
         folder: of the run: checkpoints, log and TensorBoard events; resumed if it has a checkpoint.
         threads: of ONNX Runtime and torch, in this process.
@@ -81,6 +82,8 @@ class Trainer:
         processes: Processes = ALONE,
     ) -> None:
         torch.set_num_threads(threads)
+        if isinstance(sampler, ClipSampler):
+            sampler = sampler.with_fill(network.spec().fill)
         check_shares(recipe, processes)
         self.recipe, self.processes = recipe, processes
         self.folder = Path(folder)

@@ -7,11 +7,12 @@ import pytest
 
 pytest.importorskip("torch", reason="training needs torch (the train extra)")
 import torch
-from packed_material import NO_EFFECTS, make_sources
+from packed_material import make_sources
 
 from re3.data.mix import Mix
 from re3.data.packed.pack import PackConfig, pack
 from re3.data.packed.shards import read_shards
+from re3.data.photometric_config import NO_EFFECTS
 from re3.data.sampling_config import SamplingConfig
 from re3.training.packed.bank import fill_bank
 from re3.training.packed.index import index_shards

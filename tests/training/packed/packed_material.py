@@ -1,19 +1,13 @@
-"""A film and pictures to pack, and a camera without effects."""
+"""A film and pictures to pack."""
 
 import cv2
 import numpy as np
 
 from re3.data.masks import MaskImage
-from re3.data.photometric_config import PhotometricConfig
 from re3.data.sampling import Source
 from re3.data.sequence import Sequence
 from re3.data.stills import Still
 from re3.video import VideoWriter
-
-NO_EFFECTS = PhotometricConfig(
-    gain=0, offset=0, tint=0, waver=0, weather=0, grey=0, blur=0, motion_blur=0, noise=0, jpeg=0
-)
-"""Crops as they are: no camera effects."""
 
 
 def make_sources(folder):

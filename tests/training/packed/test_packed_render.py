@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 import torch
-from packed_material import NO_EFFECTS
 
 from re3 import geometry
+from re3.data.photometric_config import NO_EFFECTS
 from re3.data.sampling_config import SamplingConfig
 from re3.data.simulation_config import SimulationConfig
 from re3.training.packed.clips import ABSENT, BACKGROUND, LAYERS, TARGET
