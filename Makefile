@@ -96,7 +96,7 @@ $(VENV)/.docs: pyproject.toml | $(BIN)/python
 $(VENV)/.development: pyproject.toml | $(VENV)/bin/python
 	@echo "installing what tests and training need into $(VENV) ..."
 	@$(PIP) install '$(TORCH)'
-	@$(PIP) install --editable '.[train,dev,docs,report,serve,vot]'
+	@$(PIP) install --editable '.[train,dev,docs,report,serve,vot,openvino]'
 	@$(PIP) install --no-deps vot-toolkit==0.9.0  # by itself it would bring a second OpenCV
 	@touch $@ $(VENV)/.tracking $(VENV)/.report $(VENV)/.docs $(VENV)/.serve
 
