@@ -26,6 +26,9 @@ REGRESSION_SCALE = 10.0
 With a crop of twice the box an object that has not moved gives 2.5, 2.5, 7.5, 7.5.
 """
 
+LARGEST_BOX = 20
+"""Width and height of a given box, in those of the frame, beyond which it is taken for an error."""
+
 SMALLEST_SIDE = 1.0
 """Width and height of a box never fall below this many pixels: a crop needs something to cut."""
 
@@ -293,6 +296,11 @@ def validate_box(box_xywh: ArrayLike, width: int, height: int) -> Floats:
         raise ValueError(
             f"{given} is smaller than a pixel; expected x, y, width, height in pixels. Multiply "
             f"shares of the frame by its {width} x {height} pixels"
+        )
+    if w > LARGEST_BOX * width or h > LARGEST_BOX * height:
+        raise ValueError(
+            f"{given} is more than {LARGEST_BOX} times as large as the frame of {width} x {height} "
+            "pixels; expected x, y, width, height in pixels of the frame"
         )
     if x >= width or y >= height or x + w <= 0 or y + h <= 0:
         raise ValueError(

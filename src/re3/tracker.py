@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
-from typing import NamedTuple, TypedDict, TypeVar, Unpack
+from typing import Any, NamedTuple, TypedDict, TypeVar, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,13 +21,14 @@ from re3.confidence import (
 )
 from re3.engine import Engine, State, load_engine, zero_state
 from re3.engine.mirrored import MirroredEngine
-from re3.engine.threads import usable_threads
+from re3.engine.threads import checked_threads
 from re3.frames import as_bgr
 from re3.framing_bias import framing_bias, tried_boxes, without_bias
 from re3.geometry import Floats
 from re3.model_spec import CropSpec
 from re3.models import DEFAULT_MODEL
 from re3.motion import STILL, Step, camera_motion, thumbnail
+from re3.per_process import PerProcess
 from re3.result import Result, Status
 from re3.search import PATCH_INTERVAL, PLACES, alike, cut_patch, places
 from re3.track_memory import Track
@@ -107,7 +108,16 @@ class MultiTracker:
         framing: bool | None = None,
     ) -> None:
         self._search = search
-        self._threads = threads or usable_threads()
+        self._threads = checked_threads(threads)
+        self._arguments = {
+            "model": model,
+            "engine": engine,
+            "threads": threads,
+            "search": search,
+            "mirror": mirror,
+            "motion": motion,
+            "framing": framing,
+        }
         self._engine: Engine
         if isinstance(engine, str):
             self._engine = load_engine(model, engine, threads, mirror=mirror)
@@ -286,6 +296,7 @@ class MultiTracker:
             ValueError: saved with another model, or not such a state; nothing is changed.
         """
         spec = self._engine.spec
+        _check_saved(saved)
         try:
             model = str(saved["model"])
             if model != spec.name:
@@ -413,11 +424,20 @@ class MultiTracker:
 
         if self._threads == 1 or len(regions_xyxy) <= self._threads:
             return _batch([cut(region) for region in regions_xyxy])
-        return np.stack(list(self._pool.map(cut, regions_xyxy)))
+        return np.stack(list(self._pools.get().map(cut, regions_xyxy)))
 
     @cached_property
-    def _pool(self) -> ThreadPoolExecutor:
-        return ThreadPoolExecutor(self._threads, thread_name_prefix="re3-crops")
+    def _pools(self) -> PerProcess[ThreadPoolExecutor]:
+        return PerProcess(lambda: ThreadPoolExecutor(self._threads, thread_name_prefix="re3-crops"))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled and copied by its arguments and `save_state`."""
+        if not isinstance(self._arguments["engine"], str):
+            raise TypeError(
+                "a tracker that was made with an Engine object cannot be pickled or copied; make "
+                "another one and hand it save_state(), or give the engine by name"
+            )
+        return _restored, (type(self), self._arguments, self.save_state())
 
 
 class Tracker:
@@ -483,6 +503,30 @@ class Tracker:
     def _only(self) -> Result:
         (result,) = self._multi.results.values()
         return result
+
+
+def _restored(
+    kind: type[MultiTracker], arguments: dict[str, Any], saved: Mapping[str, NDArray]
+) -> MultiTracker:
+    """A tracker as it was pickled."""
+    tracker = kind(**arguments)
+    tracker.load_state(saved)
+    return tracker
+
+
+def _check_saved(saved: Mapping[str, NDArray]) -> None:
+    """Raise ValueError where a saved state holds objects, which are not run, or infinity."""
+    for name, values in saved.items():
+        array = np.asarray(values)
+        if array.dtype == object:
+            raise ValueError(
+                f"the saved state holds Python objects in {name!r}; expected the arrays that "
+                "save_state() returned"
+            )
+        if array.dtype.kind == "f" and np.isinf(array).any():
+            raise ValueError(
+                f"the saved state holds infinity in {name!r}; expected what save_state() returned"
+            )
 
 
 def _batch(arrays: list[NDArray[Value]]) -> NDArray[Value]:

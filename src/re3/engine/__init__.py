@@ -6,6 +6,7 @@ from pathlib import Path
 
 from re3.engine.base import Engine, State, StepOutput, zero_state
 from re3.engine.mirrored import MirroredEngine
+from re3.engine.threads import checked_threads
 from re3.models import find_eight_bits, find_weights, is_mirrored
 
 __all__ = [
@@ -61,8 +62,10 @@ def load_engine(
     Raises:
         FileNotFoundError: the model's file does not exist.
         ImportError: torch or OpenVINO is asked for but not installed.
-        ValueError: unknown model or engine, or a file that the engine cannot run.
+        ValueError: unknown model or engine, a file that the engine cannot run, or threads that are
+            not a whole number of 0 or more.
     """
+    checked_threads(threads)
     path, engine = find_file(model, engine)
     once = _open(path, engine, threads)
     by_name = is_mirrored(model)

@@ -13,8 +13,9 @@ import onnxruntime
 from numpy.typing import NDArray
 
 from re3.engine.base import StepOutput
-from re3.engine.threads import usable_threads
+from re3.engine.threads import checked_threads
 from re3.model_spec import DATA_SUFFIX, SPEC_KEY, ModelSpec
+from re3.per_process import PerProcess
 
 AT_ONCE = 5
 """Objects in one run at most: the maps of more do not stay in the processor's caches."""
@@ -41,16 +42,16 @@ class OnnxEngine:
         if not path.is_file():
             raise FileNotFoundError(f"model file {path} does not exist")
         self._path = path
-        self._threads = threads or usable_threads()
+        self._threads = checked_threads(threads)
         self._large = path.with_name(path.name + DATA_SUFFIX).is_file()
         try:
-            self._session = self._open(self._threads)
+            self._sessions = PerProcess(lambda: self._open(self._threads))
+            metadata = self._session.get_modelmeta().custom_metadata_map
         except Exception as error:  # ONNX Runtime raises classes of its own, without a base
             raise ValueError(
                 f"{path} cannot be loaded as an ONNX model: {error}; "
                 "is the file complete, and written by `re3 export`?"
             ) from error
-        metadata = self._session.get_modelmeta().custom_metadata_map
         if SPEC_KEY not in metadata:
             raise ValueError(
                 f"{path} is an ONNX model, but carries no re3 description ({SPEC_KEY!r}); "
@@ -99,16 +100,20 @@ class OnnxEngine:
             part = slice(share[0], share[-1] + 1)
             return session.run(outputs, {name: values[part] for name, values in inputs.items()})
 
-        parts = list(map(run, shares) if self._threads == 1 else self._pool.map(run, shares))
+        parts = list(map(run, shares) if self._threads == 1 else self._pools.get().map(run, shares))
         if len(parts) == 1:
             return parts[0]
         return [np.concatenate(of_all) for of_all in zip(*parts, strict=True)]
 
-    @cached_property
-    def _alone(self) -> onnxruntime.InferenceSession:
-        """For one thread, which any number of threads may run at a time."""
-        return self._session if self._threads == 1 else self._open(1)
+    @property
+    def _session(self) -> onnxruntime.InferenceSession:
+        return self._sessions.get()
 
     @cached_property
-    def _pool(self) -> ThreadPoolExecutor:
-        return ThreadPoolExecutor(self._threads, thread_name_prefix="re3")
+    def _alone(self) -> onnxruntime.InferenceSession:
+        """Of one thread, the caller's: any number of threads, and processes, may run it."""
+        return self._open(1)
+
+    @cached_property
+    def _pools(self) -> PerProcess[ThreadPoolExecutor]:
+        return PerProcess(lambda: ThreadPoolExecutor(self._threads, thread_name_prefix="re3"))

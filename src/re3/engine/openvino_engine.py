@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import openvino
 from numpy.typing import NDArray
 
 from re3.engine.base import StepOutput
-from re3.engine.threads import usable_threads
+from re3.engine.threads import checked_threads
 from re3.model_spec import SPEC_KEY, ModelSpec
+from re3.per_process import PerProcess
 
 SPEC_PLACES = ([SPEC_KEY], ["framework", SPEC_KEY])
 """Where a file keeps its `ModelSpec`: an .xml of re3's own, and metadata of an .onnx."""
@@ -53,10 +55,11 @@ class OpenVinoEngine:
         self.spec = ModelSpec.from_json(str(model.get_rt_info(place).value))
         settings = {
             "PERFORMANCE_HINT": "LATENCY",
-            "INFERENCE_NUM_THREADS": threads or usable_threads(),
+            "INFERENCE_NUM_THREADS": checked_threads(threads),
             "INFERENCE_PRECISION_HINT": "f32",  # for what is not in eight bits; it may take bf16
         }
-        self._request = core.compile_model(model, "CPU", settings).create_infer_request()
+        self._requests = PerProcess(lambda: _request(path, settings))
+        self._requests.get()
 
     def step(
         self,
@@ -68,9 +71,15 @@ class OpenVinoEngine:
         inputs = {"current_crops": current_crops, **{name: state[name] for name in self.spec.state}}
         if previous_crops is not None:
             inputs["previous_crops"] = previous_crops
-        found = self._request.infer(inputs, share_inputs=True, share_outputs=False)
+        found = self._requests.get().infer(inputs, share_inputs=True, share_outputs=False)
         return StepOutput(
             found["corners"],
             found["score"],
             {name: found[f"new_{name}"] for name in self.spec.state},
         )
+
+
+def _request(path: Path, settings: dict[str, Any]) -> Any:
+    """A compiled model, ready to be run."""
+    core = openvino.Core()
+    return core.compile_model(core.read_model(path), "CPU", settings).create_infer_request()

@@ -2,10 +2,26 @@
 
 from __future__ import annotations
 
+from numbers import Integral
+
 from re3.cores import spare_cores
 
 MOST = 4
 """A step of one object is short: more threads would wait for each other most of the time."""
+
+
+def checked_threads(threads: int) -> int:
+    """A number of threads as a user gives it, `usable_threads()` for 0.
+
+    Raises:
+        ValueError: not a whole number, or below 0.
+    """
+    if isinstance(threads, bool) or not isinstance(threads, Integral) or threads < 0:
+        raise ValueError(
+            f"threads is {threads!r}; expected a whole number, 1 or more, or 0 to choose by the "
+            "processor"
+        )
+    return int(threads) or usable_threads()
 
 
 def usable_threads() -> int:
