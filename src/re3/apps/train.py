@@ -119,7 +119,8 @@ def train(
     init: Annotated[
         Path | None,
         typer.Option(
-            help="Start from these weights (.safetensors or .onnx) instead of fresh ones.",
+            help="Start from these weights (.safetensors or .onnx) instead of fresh ones; those of "
+            "one size of re3-lite are fitted to another that --model names.",
             metavar="FILE",
             show_default=False,
         ),
@@ -313,12 +314,29 @@ def _start(model: str | None, init: Path | None) -> Network:
     if init is None:
         return build(model or "re3-lite")
     network = load_network(init)
+    if model is not None and (other := _refitted(network, model)) is not None:
+        return other
     if model not in (None, network.spec().name):
         raise ValueError(
             f"{init} holds weights of {network.spec().name!r}, not of {model!r}; give weights of "
             "that, or leave out --model"
         )
     return network
+
+
+def _refitted(network: Network, model: str) -> Network | None:
+    """Weights of one size of re3-lite as a start for another; None for other networks."""
+    from re3.network.re3_lite import Re3Lite
+    from re3.network.refit import refit_weights
+    from re3.network.variants import build
+
+    other = build(model)
+    if not (isinstance(network, Re3Lite) and isinstance(other, Re3Lite)):
+        return None
+    if network.config.current == other.config.current:
+        return None
+    other.load_state_dict(refit_weights(network.state_dict(), network.config, other.config))
+    return other
 
 
 def _lite(network: Network, init: Path | None) -> Re3Lite:

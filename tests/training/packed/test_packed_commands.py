@@ -7,6 +7,7 @@ from packed_material import make_sources
 from typer.testing import CliRunner
 
 from re3.apps.cli import app
+from re3.models import WEIGHTS
 
 RECIPE = """
 learning_rate: 1e-4
@@ -98,3 +99,14 @@ def test_minutes_are_for_packed_data(tmp_path):
     done = CliRunner().invoke(app, ["train", "-d", str(tmp_path), "--minutes", "1"])
     assert done.exit_code != 0
     assert "for --packed" in " ".join(done.output.split())
+
+
+def test_weights_of_another_size_are_a_start(shards, tmp_path):
+    recipe = tmp_path / "recipe.yaml"
+    recipe.write_text(RECIPE)
+    init = WEIGHTS / "re3-lite.onnx"
+    command = ["train", "--packed", str(shards), "--recipe", str(recipe), "--init", str(init)]
+    command += ["--model", "re3-lite-wide", "--iterations", "1", "--workers", "0"]
+    done = CliRunner().invoke(app, [*command, "--out", str(tmp_path / "run")])
+    assert done.exit_code == 0, done.output
+    assert (tmp_path / "run" / "re3-lite-wide.onnx").is_file()
