@@ -43,7 +43,6 @@ def test_frames_without_the_object_have_a_red_border(pictures, tmp_path, way):
     [
         (("--leaves", "flies"), "--leaves is 'flies'; expected walks, camera, behind or any"),
         (("--leaves", "walks", "--frames", "5"), "--frames 5; expected 9 frames or more"),
-        (("--limbs",), "no picture in"),
     ],
 )
 def test_what_cannot_be_is_told(pictures, tmp_path, options, told):
@@ -51,21 +50,3 @@ def test_what_cannot_be_is_told(pictures, tmp_path, options, told):
     assert result.exit_code == 2
     assert told in result.output
     assert not list(tmp_path.iterdir())
-
-
-def test_limbs_swing(tmp_path):
-    pictures = tmp_path / "pictures"
-    (pictures / "masks").mkdir(parents=True)
-    (pictures / "images").mkdir()
-    image, mask = np.full((60, 80, 3), 30, np.uint8), np.zeros((60, 80), np.uint8)
-    mask[28:32, 10:70] = mask[10:50, 36:44] = 255
-    image[mask > 0] = 220
-    cv2.imwrite(str(pictures / "images" / "cross.png"), image)
-    cv2.imwrite(str(pictures / "masks" / "cross.png"), mask)
-    clips = []
-    for options in ((), ("--limbs",), ("--limbs",)):
-        result = run(pictures, tmp_path / "clip.mp4", "--frames", 12, *options)
-        assert result.exit_code == 0, result.output
-        clips.append(np.loadtxt(tmp_path / "clip.txt", delimiter=","))
-    assert not np.allclose(clips[1], clips[0], equal_nan=True)  # how much: data/test_simulator.py
-    np.testing.assert_array_equal(clips[1], clips[2])

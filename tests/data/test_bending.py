@@ -28,7 +28,7 @@ def test_shapes_change_smoothly_and_keep_their_size():
     image, alpha = disc()
     bent = [
         look[1].astype(int)
-        for look in bend([(image, alpha)], np.arange(30), 0.05, np.random.default_rng(1))
+        for look in bend(image, alpha, np.arange(30), 0.05, np.random.default_rng(1))
     ]
     areas = np.array([(a > 127).sum() for a in bent]) / (alpha > 127).sum()
     assert ((areas > 0.6) & (areas < 1.6)).all()
@@ -39,7 +39,6 @@ def test_shapes_change_smoothly_and_keep_their_size():
 
 def test_without_strength_nothing_bends():
     image, alpha = disc()
-    rng = np.random.default_rng(0)
-    for bent_image, bent_alpha in bend([(image, alpha)], np.arange(3), 0.0, rng):
+    for bent_image, bent_alpha in bend(image, alpha, np.arange(3), 0.0, np.random.default_rng(0)):
         np.testing.assert_array_equal(bent_image, image)
         np.testing.assert_array_equal(bent_alpha, alpha)

@@ -49,7 +49,6 @@ def test_a_recipe_written_is_read_back_the_same(file, name):
             "trunk_stages: 2\ntrunk_rate: 0.3\ntrunk_depthwise: false",
             replace(FROZEN_TRUNK, trunk_stages=2, trunk_rate=0.3, trunk_depthwise=False),
         ),
-        ("replay: 32", replace(FROZEN_TRUNK, replay=32)),
         ("learns: [score]", replace(FROZEN_TRUNK, learns=("score",))),
         (
             "phases: [{unroll: 2, batch: 8, own: 0.5, iterations: 10}]",

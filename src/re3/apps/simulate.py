@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -47,12 +46,6 @@ def simulate(
             show_default=False,
         ),
     ] = None,
-    limbs: Annotated[
-        bool,
-        typer.Option(
-            "--limbs", help="Let parts of the object swing about a joint; needs its outline."
-        ),
-    ] = False,
     draw: Annotated[
         bool, typer.Option(help="Draw the object's box, and a red border where it is out of sight.")
     ] = True,
@@ -74,14 +67,6 @@ def simulate(
         config = SimulationConfig() if leaves is None else _leaving(leaves, frames)
         pictures = read_stills(stills, format_name)
         show_notes(pictures)
-        if limbs:
-            pictures = [still for still in pictures if still.masked]
-            if not pictures:
-                raise ValueError(
-                    f"--limbs, and no picture in {stills} has outlines of all its objects; "
-                    "expected masks, polygons or the like, or no --limbs"
-                )
-            config = replace(config, limbs=1.0)
         scene = simulate_scene(pictures, frames, np.random.default_rng(seed), config)
         scale = width / scene.size[0]
         height = max(2, round(scene.size[1] * scale))

@@ -10,12 +10,6 @@ from re3.data.clip import Clip, Origin
 from re3.data.photometric_config import PhotometricConfig
 from re3.geometry import Floats
 
-SMALL_SIDES = (8.0, 48.0)
-"""Sides of objects made small, in pixels (root of the area, in the median over the clip)."""
-
-SMALLEST_CROP = 6
-"""Least side of a crop of a small object before it is enlarged, in pixels."""
-
 
 class AugmentedClip:
     """A clip seen through a camera of its own.
@@ -50,7 +44,6 @@ class AugmentedClip:
         self._quality = int(rng.integers(25, 80)) if rng.random() < config.jpeg else 0
         self._streaks = np.where(rng.random(frames) < config.motion_blur, rng.uniform(3, 11), 0.0)
         self._angles = rng.uniform(0, np.pi, frames)
-        self._scale = _scale_to_small(clip, rng) if rng.random() < config.small else 1.0
 
     @property
     def frame_xyxy(self) -> Floats:
@@ -65,20 +58,6 @@ class AugmentedClip:
         if self._streaks[frame]:
             image = cv2.filter2D(image, -1, _streak(self._streaks[frame], self._angles[frame]))
         image = cv2.LUT(image, self._tables[frame])
-        if self._scale == 1.0:
-            return self._sensed(image, frame, size)
-        # Noise and compression are of the few pixels that such a frame has.
-        left, top, right, bottom = np.asarray(region_xyxy, dtype=float)
-        sides = np.array([right - left, bottom - top]) * self._scale
-        width, height = np.clip(np.round(sides), SMALLEST_CROP, size).astype(int)
-        few = cv2.resize(image, (int(width), int(height)), interpolation=cv2.INTER_AREA)
-        return cv2.resize(self._sensed(few, frame, size), (size, size))
-
-    def outline(self, frame: int, region_xyxy: ArrayLike, cells: int) -> NDArray[np.float32] | None:
-        return self.clip.outline(frame, region_xyxy, cells)
-
-    def _sensed(self, image: NDArray[np.uint8], frame: int, size: int) -> NDArray[np.uint8]:
-        """The image with this camera's noise and compression."""
         if self._noise:
             grain = np.random.default_rng([self._seed, frame, size]).normal(
                 0.0, self._noise, image.shape[:2]
@@ -89,14 +68,8 @@ class AugmentedClip:
             return np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), dtype=np.uint8)
         return image
 
-
-def _scale_to_small(clip: Clip, rng: np.random.Generator) -> float:
-    """Pixels of the camera for each of the clip; 1 where the object has few pixels already."""
-    least, most = np.log(SMALL_SIDES)
-    side = np.exp(rng.uniform(least, most))
-    left, top, right, bottom = clip.boxes_xyxy.T
-    own = np.sqrt(np.nanmedian((right - left) * (bottom - top)))
-    return float(min(side / own, 1.0))
+    def outline(self, frame: int, region_xyxy: ArrayLike, cells: int) -> NDArray[np.float32] | None:
+        return self.clip.outline(frame, region_xyxy, cells)
 
 
 def _look_up_tables(

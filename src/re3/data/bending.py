@@ -6,8 +6,6 @@ seen rigid ones comes to hold a part of them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence as Several
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -29,17 +27,10 @@ CutOut = tuple[NDArray[np.uint8], NDArray[np.uint8]]
 """A picture uint8 `[h, w, 3]`, and how opaque it is, uint8 `[h, w]`."""
 
 
-def with_margin(
-    image: NDArray[np.uint8], alpha: NDArray[np.uint8], margin: float = MARGIN
-) -> CutOut:
-    """The cut-out in the middle of a larger, transparent one.
-
-    Args:
-        image, alpha: of the cut-out.
-        margin: as a share of its sides.
-    """
+def with_margin(image: NDArray[np.uint8], alpha: NDArray[np.uint8]) -> CutOut:
+    """The cut-out in the middle of a larger, transparent one."""
     height, width = alpha.shape
-    y, x = max(1, round(margin * height)), max(1, round(margin * width))
+    y, x = max(1, round(MARGIN * height)), max(1, round(MARGIN * width))
     return (
         cv2.copyMakeBorder(image, y, y, x, x, cv2.BORDER_REPLICATE),
         cv2.copyMakeBorder(alpha, y, y, x, x, cv2.BORDER_CONSTANT, value=(0,)),
@@ -47,7 +38,8 @@ def with_margin(
 
 
 def bend(
-    cut_outs: Several[CutOut],
+    image: NDArray[np.uint8],
+    alpha: NDArray[np.uint8],
     times: NDArray[np.int64],
     strength: float,
     rng: np.random.Generator,
@@ -55,13 +47,13 @@ def bend(
     """The cut-out in every frame, its parts swinging.
 
     Args:
-        cut_outs: one for all frames or one a frame, all of one size, transparent at the borders
-            (see `with_margin`).
+        image: uint8 `[h, w, 3]`.
+        alpha: uint8 `[h, w]`, transparent at its borders (see `with_margin`).
         times: `[T]`, when each frame is taken, in frames.
         strength: mean amplitude of a mode as a share of the sides.
         rng: source of modes and swings.
     """
-    height, width = cut_outs[0][1].shape
+    height, width = alpha.shape
     sides = np.array([width, height], dtype=np.float32)
     knots = rng.normal(0.0, 1.0, (MODES, KNOTS, KNOTS, 2)).astype(np.float32)
     amplitudes = np.minimum(rng.exponential(strength, MODES), STRONGEST)
@@ -72,8 +64,7 @@ def bend(
         np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32)
     )
     bent = []
-    for frame, swing in enumerate(swings.astype(np.float32)):
-        image, alpha = cut_outs[frame if len(cut_outs) > 1 else 0]
+    for swing in swings.astype(np.float32):
         coarse = np.tensordot(swing, knots, axes=1) * sides  # [knots, knots, 2] pixels
         field = cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
         x, y = columns + field[:, :, 0], rows + field[:, :, 1]

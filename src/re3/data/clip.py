@@ -134,32 +134,6 @@ class MirroredClip:
         return None if outline is None else np.ascontiguousarray(outline[:, ::-1])
 
 
-class FramedClip:
-    """A track of another framing than its dataset's (`re3.data.framing`).
-
-    Args:
-        clip: any.
-        boxes_xyxy: `[T, 4]`, the boxes that are asked for; cut at the border of the frame.
-    """
-
-    def __init__(self, clip: Clip, boxes_xyxy: Floats) -> None:
-        self.clip = clip
-        low, high = np.tile(clip.frame_xyxy[:2], 2), np.tile(clip.frame_xyxy[2:], 2)
-        self.boxes_xyxy: Floats = np.clip(boxes_xyxy, low, high)
-        self.visible = clip.visible
-        self.leaps = clip.leaps
-
-    @property
-    def frame_xyxy(self) -> Floats:
-        return self.clip.frame_xyxy
-
-    def crop(self, frame: int, region_xyxy: ArrayLike, size: int) -> NDArray[np.uint8]:
-        return self.clip.crop(frame, region_xyxy, size)
-
-    def outline(self, frame: int, region_xyxy: ArrayLike, cells: int) -> None:
-        return None  # that of the clip is of another object than is asked for
-
-
 def _mirror(boxes_xyxy: Floats) -> Floats:
     """Reflect at x = 0; where the axis lies is of no consequence, since all is relative to it."""
     return boxes_xyxy[..., [2, 1, 0, 3]] * np.array([-1.0, 1.0, -1.0, 1.0])

@@ -17,9 +17,6 @@ from numpy.typing import ArrayLike
 from re3.data.sequence import Sequence
 from re3.geometry import Floats, convert
 
-LEAST_LOG_SCALE, MOST_LOG_SCALE = -0.8, 0.5
-"""Range of the log scales that are drawn: from .45 to 1.65 of a side."""
-
 
 @dataclass(frozen=True)
 class Framing:
@@ -39,18 +36,6 @@ class Framing:
         sides = boxes[..., 2:]
         framed = np.concatenate([boxes[..., :2] + sides * self.shift, sides * self.scale], axis=-1)
         return convert(framed, "cxcywh", "xyxy")
-
-    @classmethod
-    def draw(cls, spread: float, rng: np.random.Generator) -> Framing:
-        """One by chance: on each axis the box lies within the other, or the other within it.
-
-        Args:
-            spread: standard deviation of the log of its sides, 0 or more.
-            rng: source of size and place.
-        """
-        scale = np.exp(np.clip(rng.normal(0.0, spread, 2), LEAST_LOG_SCALE, MOST_LOG_SCALE))
-        shift = rng.uniform(-0.5, 0.5, 2) * np.abs(1.0 - scale)
-        return cls((float(shift[0]), float(shift[1])), (float(scale[0]), float(scale[1])))
 
 
 FRAMINGS = {

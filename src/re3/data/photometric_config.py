@@ -22,8 +22,6 @@ class PhotometricConfig:
         motion_blur: probability per frame of a blur in a random direction.
         noise: probability of sensor noise.
         jpeg: probability of compression.
-        small: probability of an object of few pixels: one that is larger is made `SMALL_SIDES`
-            pixels wide, and its crops are enlarged from those.
     """
 
     gain: float = 0.2
@@ -36,11 +34,10 @@ class PhotometricConfig:
     motion_blur: float = 0.08
     noise: float = 0.15
     jpeg: float = 0.15
-    small: float = 0.0
 
     def __post_init__(self) -> None:
         check_at_least_zero(self, ("gain", "offset", "tint", "waver", "weather"))
-        check_probabilities(self, ("grey", "blur", "motion_blur", "noise", "jpeg", "small"))
+        check_probabilities(self, ("grey", "blur", "motion_blur", "noise", "jpeg"))
 
 
 NO_EFFECTS = PhotometricConfig(

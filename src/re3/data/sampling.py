@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from re3.data.augment import AugmentedClip
-from re3.data.clip import Clip, FramedClip, Kind, MirroredClip, Origin, RecordedClip
+from re3.data.clip import Clip, Kind, MirroredClip, Origin, RecordedClip
 from re3.data.frame_store import FrameStore
-from re3.data.framing import Framing
 from re3.data.sampling_config import SamplingConfig
 from re3.data.scene import Scene
 from re3.data.sequence import Sequence
@@ -23,10 +22,6 @@ from re3.geometry import Floats, convert
 
 MOST_SCENES = 100
 """Scenes drawn before it is given up that the object is there in the first frame."""
-
-LEAST_SIDE_IN_FRAME = 0.3
-"""A clip keeps its boxes where, framed otherwise, less than this share of a side would be in the
-frame."""
 
 TRIES = 20
 """Draws of a clip that leaps, before one that does not is taken instead."""
@@ -171,8 +166,6 @@ class ClipSampler:
         else:
             tracks = self._tracks[_pick(self._tracks, rng)]
             clip, origin = self._seen(tracks, frames, leaps, rng)
-        if config.framed and rng.random() < config.framed:
-            clip = _framed(clip, Framing.draw(config.framing, rng))
         if rng.random() < config.mirrored:
             clip, origin = MirroredClip(clip), replace(origin, mirrored=True)
         return AugmentedClip(clip, rng, config.photometric, origin)
@@ -281,16 +274,6 @@ def _normalised(sources: Several[Source] | Several[_Tracks]) -> Floats:
 def _pick(sources: Several[Source] | Several[_Tracks], rng: np.random.Generator) -> int:
     # A single source draws no number: clips of such a sampler stay what they were.
     return int(rng.choice(len(sources), p=_normalised(sources))) if len(sources) > 1 else 0
-
-
-def _framed(clip: Clip, framing: Framing) -> Clip:
-    """The clip so framed; as it is where the object, or too much of a box, is not in the frame."""
-    asked = framing.of(clip.boxes_xyxy)
-    framed = FramedClip(clip, asked)
-    inside = framed.boxes_xyxy[:, 2:] - framed.boxes_xyxy[:, :2]
-    # Written so that boxes of NaN, where it is absent, do not pass either.
-    fits = bool((inside >= LEAST_SIDE_IN_FRAME * (asked[:, 2:] - asked[:, :2])).all())
-    return framed if fits else clip
 
 
 def _begun_with_the_object(

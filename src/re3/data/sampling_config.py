@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from re3.data.checks import check_at_least_zero, check_colour, check_probabilities, check_ranges
+from re3.data.checks import check_colour, check_probabilities, check_ranges
 from re3.data.photometric_config import NO_EFFECTS, PhotometricConfig
 from re3.data.simulation_config import PAPER_SIMULATION, SimulationConfig
 
@@ -22,9 +22,6 @@ class SamplingConfig:
         leap_frames, leap_simulated: range, log-uniform, of that time in frames, of recorded and
             of simulated clips.
         strides: steps between the frames of a recorded clip; one is drawn per clip.
-        framed: probability of a clip whose boxes hold a part of the object, or more than it
-            (`re3.data.framing`). Where it leaves the frame, the boxes stay as they are.
-        framing: standard deviation of the log sides of such boxes, in those of the object's.
         smallest: tracks whose box has a median side below this many pixels are left out.
         fill: BGR colour outside the frame.
     """
@@ -36,16 +33,13 @@ class SamplingConfig:
     leap_frames: tuple[int, int] = (5, 250)
     leap_simulated: tuple[int, int] = (5, 60)
     strides: tuple[int, ...] = (1, 1, 1, 1, 2, 2, 3, 4, 6)
-    framed: float = 0.0
-    framing: float = 0.35
     smallest: float = 5.0
     fill: tuple[float, float, float] = (127.0, 127.0, 127.0)
     simulation: SimulationConfig = SimulationConfig()
     photometric: PhotometricConfig = PhotometricConfig()
 
     def __post_init__(self) -> None:
-        check_probabilities(self, ("simulated", "leaps", "mirrored", "reversed", "framed"))
-        check_at_least_zero(self, ("framing",))
+        check_probabilities(self, ("simulated", "leaps", "mirrored", "reversed"))
         check_ranges(self, ("leap_frames", "leap_simulated"))
         if not self.strides or min(self.strides) < 1:
             raise ValueError(

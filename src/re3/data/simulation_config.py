@@ -28,7 +28,6 @@ class SimulationConfig:
         spinning: standard deviation per frame of the rotation, radians; masked objects only.
         bent: probability that a masked object changes its shape.
         bending: mean amplitude of those changes.
-        limbs: probability that parts of a masked object swing about a joint.
         camera: range, log-uniform, of the camera's speed, per frame.
         occluders: mean number of occluders for a clip of 8 frames or more; half for shorter ones.
         other_occluders: probability that an occluder is an object of any picture; else it is a
@@ -55,7 +54,6 @@ class SimulationConfig:
     spinning: float = 0.03
     bent: float = 0.6
     bending: float = 0.05
-    limbs: float = 0.0
     camera: tuple[float, float] = (0.003, 0.2)
     occluders: float = 1.0
     other_occluders: float = 0.5
@@ -74,7 +72,7 @@ class SimulationConfig:
         )
         check_probabilities(
             self,
-            ("bent", "limbs", "other_occluders", "twin", "other", "crossing", "foreign", "leaves"),
+            ("bent", "other_occluders", "twin", "other", "crossing", "foreign", "leaves"),
         )
         if not self.leaves_by or not set(self.leaves_by) <= set(WAYS):
             raise ValueError(

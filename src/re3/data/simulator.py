@@ -14,11 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from re3.data.bending import MARGIN as BENDING_MARGIN
 from re3.data.bending import bend, with_margin
 from re3.data.leaving import chance_of_leaving, draw_absence, hide_behind, move_out
-from re3.data.limbs import MARGIN as LIMBS_MARGIN
-from re3.data.limbs import swing_limbs
 from re3.data.scene import Layer, Look, Scene
 from re3.data.simulation_config import SimulationConfig
 from re3.data.stills import Still
@@ -190,14 +187,12 @@ class _SceneBuilder:
         angle = self._walk(config.spinning * activity) * masked
 
         bent = masked and rng.random() < config.bent
-        # Nothing is drawn where there never are any.
-        limbs = masked and config.limbs > 0 and rng.random() < config.limbs
-        if limbs or bent:
-            patch, alpha = with_margin(patch, alpha, LIMBS_MARGIN if limbs else BENDING_MARGIN)
-        image, alpha = _resized(patch, alpha, scale * self.resolution)
-        cut_outs = swing_limbs(image, alpha, self.times, rng) if limbs else [(image, alpha)]
         if bent:
-            cut_outs = bend(cut_outs, self.times, config.bending * activity, rng)
+            patch, alpha = with_margin(patch, alpha)
+        image, alpha = _resized(patch, alpha, scale * self.resolution)
+        cut_outs = [(image, alpha)]
+        if bent:
+            cut_outs = bend(image, alpha, self.times, config.bending * activity, rng)
         looks = [Look.cut_out(*cut_out) for cut_out in cut_outs]
         size = np.array(image.shape[1::-1], dtype=np.float64)
         base = scale * np.array(patch.shape[1::-1]) / size  # picture pixels to scene pixels

@@ -24,19 +24,16 @@ class Batch:
     """This process's share of a batch.
 
     Attributes:
-        clips: N clips of the initialisation frame and the phase's unroll; those at own predictions
-            of the recipe's `replay` steps instead, if it has any.
+        clips: N clips of the initialisation frame and the phase's unroll.
         own: `[N]`, True where crops are to be cut at own predictions.
         draws: the noise of the N sequences.
         rng: for what concerns the batch as a whole; the same in every process.
-        unroll: of the phase.
     """
 
     clips: list[Clip]
     own: NDArray[np.bool_]
     draws: SequenceDraws
     rng: np.random.Generator
-    unroll: int
 
 
 class Batches:
@@ -44,7 +41,7 @@ class Batches:
 
     Args:
         sampler: of the clips.
-        recipe: of its seed, and of how long clips are.
+        recipe: of its seed.
         processes: that share every batch.
         pool: draws clips in parallel.
     """
@@ -72,17 +69,12 @@ class Batches:
         rng, own = _own(seeds[0], phase)
         draws = SequenceDraws([np.random.default_rng(s.spawn(2)[1]) for s in seeds[1:][share]])
         clips = [future.result() for future in futures]
-        return Batch(clips, own[share], draws, rng, phase.unroll)
+        return Batch(clips, own[share], draws, rng)
 
     def _begin(self, iteration: int, phase: Phase) -> list[Future[Clip]]:
         seeds, share = self._seeds(iteration, phase)
         rngs = [np.random.default_rng(seed.spawn(2)[0]) for seed in seeds[1:][share]]
-        own = _own(seeds[0], phase)[1][share]
-        steps = np.where(own, max(self.recipe.replay, phase.unroll), phase.unroll)
-        return [
-            self.pool.submit(self.sampler.sample, int(count) + 1, rng)
-            for count, rng in zip(steps, rngs, strict=True)
-        ]
+        return [self.pool.submit(self.sampler.sample, phase.unroll + 1, rng) for rng in rngs]
 
     def _seeds(self, iteration: int, phase: Phase) -> tuple[list[np.random.SeedSequence], slice]:
         """Seeds of the whole batch and of each sequence, and which are this process's."""

@@ -10,7 +10,6 @@ from collections.abc import Sequence as Several
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from re3.geometry import Floats
 
@@ -46,10 +45,6 @@ class SequenceDraws:
     def uniform(self, low: float, high: float, size: int) -> Floats:
         self._check(size)
         return np.array([g.uniform(low, high) for g in self.generators])
-
-    def part(self, sequences: NDArray[np.int64]) -> SequenceDraws:
-        """The draws of some of the sequences."""
-        return SequenceDraws([self.generators[index] for index in sequences])
 
     def _check(self, sequences: int) -> None:
         if sequences != len(self.generators):

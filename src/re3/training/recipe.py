@@ -140,9 +140,6 @@ class Recipe:
         trunk_rate: share of the learning rate at which the trunk learns, 0 to 1.
         trunk_depthwise: the depthwise convolutions of a trunk that learns do so as well. On a CPU
             the gradients of these few weights take as long as those of many others.
-        replay: steps for which tracks on own predictions are walked, before a stretch of the
-            phase's unroll is drawn of each, the sooner the worse it went; 0 learns from all that is
-            walked (`re3.training.replay`).
         learns: parts of the head that learn, such as ("score",); all of them where none is named.
     """
 
@@ -162,7 +159,6 @@ class Recipe:
     trunk_stages: int = 0
     trunk_rate: float = 1.0
     trunk_depthwise: bool = True
-    replay: int = 0
     learns: tuple[str, ...] = ()
     noise: CropNoise = CropNoise()
     loss: LossWeights = LossWeights()
@@ -189,12 +185,6 @@ class Recipe:
             raise ValueError(
                 f"learn_trunk, and trunk_stages {self.trunk_stages}: expected one of them, all of "
                 "the trunk or its last stages"
-            )
-        longest = max((phase.unroll for phase in self.phases), default=0)
-        if self.replay and self.replay < longest:
-            raise ValueError(
-                f"replay is {self.replay}; expected 0, or no fewer steps than the longest unroll, "
-                f"{longest}"
             )
         for phase in self.phases:
             if self.parts < 1 or phase.batch % self.parts:

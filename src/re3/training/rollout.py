@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence as Several
 from concurrent.futures import Executor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -48,10 +48,6 @@ class Rollout:
         previous_images, previous: the previous crops, about the same box, and their trunk maps;
             None for a network that takes none.
         sources: `[N]`, of each sequence; empty where a clip does not say.
-        begun: `[N, 4]`, the box of the first frame in its crop, regression units.
-        overlap: `[steps, N]`, IoU of the network's own predictions and the truth; NaN where there
-            is no true box, or no prediction: in the first step, the last, and where crops are
-            not cut at own predictions.
         outlines: `[steps * N, G, G]`, share of each cell of the current crops that shows the
             object; NaN where that is not known, None where it was not asked for.
     """
@@ -67,8 +63,6 @@ class Rollout:
     previous_images: NDArray[np.uint8] | None = None
     previous: Maps | None = None
     sources: tuple[str, ...] = ()
-    begun: Tensor = field(default_factory=lambda: torch.zeros(0, 4))
-    overlap: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     outlines: Tensor | None = None
 
     def rows(self, sequences: NDArray[np.int64]) -> Tensor:
@@ -78,34 +72,7 @@ class Rollout:
 
     def part(self, sequences: NDArray[np.int64]) -> Rollout:
         """The roll-out of some of its sequences, by their position in the batch."""
-        return replace(
-            self._at(self.rows(sequences)),
-            sources=tuple(self.sources[index] for index in sequences) if self.sources else (),
-            begun=self.begun[sequences],
-            overlap=self.overlap[:, sequences],
-        )
-
-    def window(self, starts: NDArray[np.int64], steps: int) -> Rollout:
-        """The first step of each sequence and a stretch of later ones, as a roll-out that leaps.
-
-        The first frame is all that is known before the stretch, as after a reset of the state.
-
-        Args:
-            starts: `[N]`, first step of each stretch, 1 or more.
-            steps: in all, the first one included.
-        """
-        batch = len(self.begun)
-        stretch = starts + np.arange(steps - 1)[:, None]  # [steps - 1, N]
-        taken = np.concatenate([np.zeros((1, batch), dtype=np.int64), stretch])
-        rows = torch.from_numpy((taken * batch + np.arange(batch)).reshape(-1))
-        part = self._at(rows)
-        part.looked[batch : 2 * batch] = self.begun
-        overlap = np.take_along_axis(self.overlap, taken, axis=0)
-        return replace(part, steps=steps, overlap=overlap)
-
-    def _at(self, rows: Tensor) -> Rollout:
-        """With some rows of all that has a row for each step of each sequence."""
-        before = self.previous_images
+        rows, before = self.rows(sequences), self.previous_images
         return replace(
             self,
             images=self.images[rows.numpy()],
@@ -116,6 +83,7 @@ class Rollout:
             targets=self.targets[rows],
             has_box=self.has_box[rows],
             hidden=self.hidden[rows],
+            sources=tuple(self.sources[index] for index in sequences) if self.sources else (),
             outlines=None if self.outlines is None else self.outlines[rows],
         )
 
@@ -163,7 +131,6 @@ def roll_out(
     looked: list[Floats] = []
     outlines: list[Tensor] = []
     targets, has_box, put_back = [], [], 0
-    overlap = np.full((steps, objects), np.nan)
     memory: Any | None = None
     regions = geometry.search_region(boxes, spec.current.context)
     for t in range(steps):
@@ -175,8 +142,6 @@ def roll_out(
         known = np.where(leapt[:, None], boxes, about)
         looked.append(geometry.encode(known, regions) if t else np.zeros((objects, 4)))
         regions = new_regions
-        if t == 0:
-            begun = geometry.encode(truth[:, 0], regions)
         with watch.time("crops"):
             images.append(_crops(clips, t, regions, spec.current.size, pool))
             if outlined and network.outline_cells:
@@ -210,7 +175,6 @@ def roll_out(
             if t == 0:
                 continue  # the box given is the first result
             predicted = geometry.decode(corners.float().cpu().numpy(), regions)
-            overlap[t, own] = geometry.iou_xyxy(predicted, truth[:, t])[own]
             usable = own & (_usable(predicted, truth[:, t], centre) | (stays & _sane(predicted)))
             put_back += int((own & ~usable).sum())
             boxes = np.where(usable[:, None], _kept_inside(predicted, clips), boxes)
@@ -226,46 +190,7 @@ def roll_out(
         previous_images=np.concatenate(previous_images) if previous_images else None,
         previous=_stack(previous) if previous else None,
         sources=tuple(_source(clip) for clip in clips),
-        begun=torch.from_numpy(begun).float(),
-        overlap=overlap,
         outlines=torch.cat(outlines) if outlines else None,
-    )
-
-
-def join(rollouts: Several[Rollout]) -> Rollout:
-    """The sequences of roll-outs of equally many steps as one roll-out.
-
-    Its `put_back` is that of the first, where those on own predictions are.
-    """
-    steps = rollouts[0].steps
-
-    def rows(parts: list[Tensor]) -> Tensor:
-        return torch.cat([part.unflatten(0, (steps, -1)) for part in parts], dim=1).flatten(0, 1)
-
-    def maps(parts: list[Maps]) -> Maps:
-        return tuple(rows(list(same)) for same in zip(*parts, strict=True))
-
-    def pictures(parts: list[NDArray[np.uint8]]) -> NDArray[np.uint8]:
-        return rows([torch.from_numpy(part) for part in parts]).numpy()
-
-    images = [r.previous_images for r in rollouts if r.previous_images is not None]
-    previous = [r.previous for r in rollouts if r.previous is not None]
-    outlines = [r.outlines for r in rollouts if r.outlines is not None]
-    return Rollout(
-        images=pictures([r.images for r in rollouts]),
-        crops=maps([r.crops for r in rollouts]),
-        looked=rows([r.looked for r in rollouts]),
-        targets=rows([r.targets for r in rollouts]),
-        has_box=rows([r.has_box for r in rollouts]),
-        hidden=rows([r.hidden for r in rollouts]),
-        steps=steps,
-        put_back=rollouts[0].put_back,
-        previous_images=pictures(images) if images else None,
-        previous=maps(previous) if previous else None,
-        sources=tuple(source for r in rollouts for source in r.sources),
-        begun=torch.cat([r.begun for r in rollouts]),
-        overlap=np.concatenate([r.overlap for r in rollouts], axis=1),
-        outlines=rows(outlines) if outlines else None,
     )
 
 

@@ -31,8 +31,7 @@ from re3.training.failure import failure_path, save_failure
 from re3.training.features import FrozenTrunk, TorchTrunk, Trunk
 from re3.training.recipe import Phase, Recipe
 from re3.training.records import Progress, Records
-from re3.training.replay import walk_batch
-from re3.training.rollout import Rollout
+from re3.training.rollout import Rollout, roll_out
 from re3.training.step import Learner, Learnt, NotFinite, choose_parts
 from re3.training.throughput import Meter, Stopwatch, Throughput
 
@@ -198,7 +197,17 @@ class Trainer:
         with watch.time("clips"):
             batch = self._batches.get(self.iteration, phase)
         with self.device.autocast():
-            rollout = walk_batch(batch, self.network, self.trunk, self.recipe, self._pool, watch)
+            rollout = roll_out(
+                batch.clips,
+                batch.own,
+                self.network,
+                self.trunk,
+                self.recipe.noise,
+                batch.draws,
+                self._pool,
+                watch,
+                self.recipe.loss.outline > 0,
+            )
         if self.iteration + 1 < self.recipe.iterations:
             self._batches.prepare(self.iteration + 1, phase)
         with watch.time("learn"):
