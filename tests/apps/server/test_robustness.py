@@ -312,7 +312,7 @@ def test_an_upload_that_stands_still_is_given_up(running_server, monkeypatch):
     monkeypatch.setattr(bodies, "JSON_SECONDS", 0.3)
     with running_server() as server:
         connection, session_id = start_upload(server)
-        connection.settimeout(5)
+        connection.settimeout(30)
         answer = connection.recv(4096)
         assert b"408" in answer
         assert b"nothing of the upload came" in answer + connection.recv(4096)
