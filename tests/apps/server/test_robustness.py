@@ -323,5 +323,5 @@ def test_an_upload_that_stands_still_is_given_up(running_server, monkeypatch):
             connection.sendall(
                 b"POST /api/sessions HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 50\r\n\r\n{"
             )
-            connection.settimeout(5)
+            connection.settimeout(30)
             assert b"408" in connection.recv(4096)
